@@ -1,0 +1,210 @@
+"""Named, self-describing NetCDF files: the only module that writes data.
+
+In memory a dataset is a plain ``dict`` of numpy arrays; `VARIABLES` says what each name means. Files
+are written whole or not at all, and the same arrays and attributes always give the same bytes.
+"""
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+from uuid import uuid4
+
+import netCDF4
+import numpy as np
+
+from sphpod import __version__
+
+if TYPE_CHECKING:
+    import pandas
+
+PAPER = (
+    "L. Fang, Z. Song, K. Fraser, H. Huang: Proper Orthogonal Decomposition-based Model-Order "
+    "Reduction for Smoothed Particle Hydrodynamics Simulation - Mass-Spring-Damper System"
+)
+
+
+class Variable(NamedTuple):
+    """What a name means: its dimensions, unit ("" for text), meaning and type on disk.
+
+    `coordinates` names the auxiliary coordinates (CF section 5) that label a dimension.
+    """
+
+    dims: tuple[str, ...]
+    units: str
+    long_name: str
+    dtype: type = np.float64
+    coordinates: str = ""
+
+
+def _fields() -> dict[str, Variable]:
+    """Variables that exist once for the velocity and once for the density."""
+    variables = {}
+    for field, units, meaning in (
+        ("velocity", "m s-1", "velocity"),
+        ("density", "kg m-3", "mass density"),
+    ):
+        snapshot, mode = f"{field}_snapshot", f"{field}_mode"
+        error = f"relative L2 error of the {meaning}"
+        variables |= {
+            field: Variable(("t", "x"), units, f"{meaning} of the particles"),
+            f"{field}_time": Variable((snapshot,), "s", f"time of the {meaning} snapshots"),
+            f"{field}_snapshots": Variable(
+                (snapshot, "x"), units, f"{meaning} snapshots", coordinates=f"{field}_time"
+            ),
+            f"{field}_modes": Variable(
+                (mode, "x"), "1", f"orthonormal {meaning} modes, largest entry positive"
+            ),
+            f"{field}_singular_values": Variable(
+                (mode,), units, f"singular values of the {meaning} snapshots"
+            ),
+            f"{field}_coordinates": Variable(
+                ("t", mode), units, f"reduced coordinates of the {meaning}"
+            ),
+            f"{field}_error": Variable(
+                ("solution", "reference"), "1", f"{error} of a solution against a reference"
+            ),
+            f"{field}_error_sph": Variable(
+                ("mode_count",), "1", f"{error} of the reduced model against full SPH"
+            ),
+            f"{field}_error_reference": Variable(
+                ("mode_count",), "1", f"{error} of the reduced model against the reference"
+            ),
+            f"acceleration_{field}_error": Variable(
+                ("contender", "mode_count"), "1", f"{error} of a reduced model against full SPH"
+            ),
+        }
+    return variables
+
+
+VARIABLES = _fields() | {
+    "t": Variable(("t",), "s", "time"),
+    "x": Variable(("x",), "m", "position of the particles at rest"),
+    "error_sample": Variable(("t",), "1", "1 where the time belongs to the error integral", np.int8),
+    "solution": Variable(("solution",), "", "solution whose error is given", str),
+    "reference": Variable(("reference",), "", "solution that the error is taken against", str),
+    "mode_count": Variable(("mode_count",), "1", "modes kept for velocity and density", np.int32),
+    "breakdown_time": Variable(("mode_count",), "s", "time at which the reduced model broke down"),
+    "contender": Variable(("contender",), "", "model compared", str),
+    "n_freeze": Variable(
+        ("contender",), "1", "steps for which coefficients stay frozen, 0 for none", np.int32
+    ),
+    "contender_mode_count": Variable(
+        ("contender",), "1", "modes kept for velocity and density, 0 for a full model", np.int32
+    ),
+    "cpu_seconds": Variable(("contender", "repeat"), "s", "process time of all time steps"),
+}
+
+
+def write(
+    path: str | os.PathLike[str],
+    arrays: Mapping[str, np.ndarray],
+    *,
+    title: str,
+    settings: Mapping[str, Any],
+    code: str,
+) -> None:
+    """Write `arrays` to a NetCDF file, whole or not at all.
+
+    Parameters
+    ----------
+    path
+        The file; its folder is made where it is missing.
+    arrays
+        Arrays by name, shaped as `VARIABLES` says. A NaN is a value like any other.
+    title
+        What the file holds, in one line.
+    settings
+        The resolved settings it comes from: plain JSON types.
+    code
+        Digest of the code that computed it (`provenance.digest`).
+
+    Raises
+    ------
+    KeyError
+        For a name that is not in `VARIABLES`.
+    ValueError
+        For an array whose shape contradicts its dimensions.
+    """
+    sizes: dict[str, int] = {}
+    for name, values in arrays.items():
+        if name not in VARIABLES:
+            raise KeyError(f"no variable is named {name!r}; sphpod.dataset.VARIABLES lists them all")
+        dims = VARIABLES[name].dims
+        shape = np.shape(values)
+        if len(shape) != len(dims) or any(
+            sizes.setdefault(dim, size) != size for dim, size in zip(dims, shape, strict=True)
+        ):
+            raise ValueError(f"{name} of shape {shape} does not fit {dims} with sizes {sizes}")
+    with whole(path) as partial, netCDF4.Dataset(partial, "w", format="NETCDF4") as file:
+        file.setncatts(
+            {
+                "Conventions": "CF-1.11",
+                "title": title,
+                "source": f"sphpod {__version__}, code {code}",
+                "references": PAPER,
+                "settings": json.dumps(settings, sort_keys=True, allow_nan=False),
+            }
+        )
+        for dim, size in sizes.items():
+            file.createDimension(dim, size)
+        for name, values in arrays.items():
+            meaning = VARIABLES[name]
+            # No fill value: nothing is missing, and pre-filling would write every byte twice.
+            variable = file.createVariable(name, meaning.dtype, meaning.dims, fill_value=False)
+            attributes = {"units": meaning.units, "long_name": meaning.long_name}
+            if meaning.coordinates:
+                attributes["coordinates"] = meaning.coordinates
+            variable.setncatts({key: text for key, text in attributes.items() if text})
+            variable[...] = np.asarray(values, object if meaning.dtype is str else meaning.dtype)
+
+
+def read(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndarray]:
+    """Arrays of a file by name; all of them where no name is given.
+
+    Raises
+    ------
+    KeyError
+        For a name that the file does not hold.
+    """
+    with netCDF4.Dataset(path) as file:
+        file.set_auto_maskandscale(False)
+        if missing := [name for name in names if name not in file.variables]:
+            raise KeyError(f"{path} holds {', '.join(file.variables)}, but not {missing[0]}")
+        return {
+            name: file[name][...].astype(str) if VARIABLES[name].dtype is str else file[name][...]
+            for name in names or file.variables
+        }
+
+
+def settings(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """The resolved settings that a file comes from."""
+    with netCDF4.Dataset(path) as file:
+        return json.loads(file.getncattr("settings"))
+
+
+def write_table(path: str | os.PathLike[str], table: "pandas.DataFrame") -> None:
+    """Write a table, without its index, as comma-separated values; whole or not at all."""
+    with whole(path) as partial:
+        table.to_csv(partial, index=False, lineterminator="\n")
+
+
+@contextmanager
+def whole(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Name of a file to write, which becomes `path` once it is complete, and vanishes otherwise.
+
+    The name is unique to its writer: a process that a killed run left behind may still be writing
+    under its own. What such processes have not finished is removed.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    for stale in path.parent.glob(f".{path.stem}.*.partial{path.suffix}"):
+        stale.unlink(missing_ok=True)
+    partial = path.with_name(f".{path.stem}.{uuid4().hex}.partial{path.suffix}")
+    try:
+        yield partial
+        partial.replace(path)
+    finally:
+        partial.unlink(missing_ok=True)

@@ -1,0 +1,29 @@
+"""Where the scripts of the workflow report to: their log file, and one sentence on the terminal."""
+
+import logging
+import os
+import sys
+from pathlib import Path
+from types import TracebackType
+
+
+def start(path: str | os.PathLike[str]) -> None:
+    """Log to a file from now on, an exception that nobody catches too.
+
+    Such an exception is then told on the terminal in one sentence, without its traceback.
+    """
+    Path(path).parent.mkdir(parents=True, exist_ok=True)
+    logging.basicConfig(
+        filename=path, filemode="w", level=logging.INFO, format="%(levelname)s %(name)s: %(message)s"
+    )
+    logging.captureWarnings(True)
+    sys.excepthook = _report
+
+
+def _report(
+    kind: type[BaseException], error: BaseException, traceback: TracebackType | None
+) -> None:
+    logging.critical("stopped", exc_info=(kind, error, traceback))
+    sentence = str(error) or kind.__name__
+    expected = isinstance(error, ValueError | ArithmeticError | OSError)
+    print(sentence if expected else f"{kind.__name__}: {sentence}", file=sys.stderr)
