@@ -1,0 +1,514 @@
+"""Read, check and complete a configuration before any job starts.
+
+Every fault ends in a `ConfigError` of one sentence that names scene, key, value and what is
+allowed. The checks are those of the schema, of what one key means for another (here), of the
+expressions, and of what a scene's numbers mean together (`sphpod.scene.check`).
+"""
+
+import difflib
+import math
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import numpy as np
+import yaml
+
+from sphpod import scene as scenes
+
+try:
+    from yaml import CSafeLoader as SafeLoader  # ten times as fast
+except ImportError:
+    from yaml import SafeLoader  # type: ignore[assignment]
+
+DEFAULT_ERROR_SAMPLES = 10000
+DEFAULT_LARGEST_SWEEP = 20
+DEFAULT_FIELDS = ["initial_velocity", "velocity"]
+DEFAULT_REPEATS = 5
+
+FIGURE_KEYS = {
+    "profile": ("fields",),
+    "modes": ("sampling",),
+    "error": ("sampling",),
+    "acceleration": ("sampling",),
+    "initial_spectrum": (),
+    "phase": ("position",),
+}
+"""The keys that a kind of figure has beyond kind, name and caption."""
+
+FIGURE_CAPTIONS = {
+    "profile": "Initial state and reference solution",
+    "modes": "Leading POD modes of velocity and density",
+    "error": "Singular values, and errors against the number of POD modes",
+    "acceleration": "Errors of the reduced models against CPU time",
+    "initial_spectrum": "Fourier coefficients of the initial velocity",
+    "phase": "Velocity at one position against time",
+}
+
+
+class ConfigError(ValueError):
+    """A configuration, or a target asked for, that is not allowed; the message is one sentence."""
+
+
+def load(
+    paths: Sequence[Path | str],
+    schema_path: Path | str,
+    overrides: Mapping[str, Any] | None = None,
+) -> dict[str, Any]:
+    """Read and check a configuration, and fill in its defaults.
+
+    Parameters
+    ----------
+    paths : YAML files; where several set one key, the last wins
+    schema_path : the JSON schema, as YAML
+    overrides : settings that win over the files
+
+    Returns
+    -------
+    The resolved settings, of plain JSON types: ``output`` ("" if there is none), ``scenes``,
+    ``illustrations``, ``claims`` and ``benchmark``. Every scene has ``section``,
+    ``error_interval``, ``references``, ``samplings`` (each with ``mode_counts`` as text),
+    ``acceleration`` and ``figures`` (each with ``name`` and ``caption``); damping, force and
+    interface stay away where a scene has none.
+
+    Raises
+    ------
+    ConfigError
+        A file cannot be read, or says something that is not allowed.
+    """
+    settings: dict[str, Any] = {}
+    for source in [*map(read_yaml, paths), overrides or {}]:
+        settings = _merged(settings, _plain(source))
+    _check_schema(settings, read_yaml(schema_path))
+    resolved = {
+        "output": settings.get("output", ""),
+        "scenes": {name: _resolved_scene(name, s) for name, s in settings["scenes"].items()},
+        "illustrations": [
+            {"section": "", "caption": "", **illustration}
+            for illustration in settings.get("illustrations", [])
+        ],
+        "claims": settings.get("claims", []),
+        "benchmark": {"repeats": DEFAULT_REPEATS, **settings.get("benchmark", {})},
+    }
+    _check_figure_names(resolved)
+    return resolved
+
+
+def parse_modes(text: str) -> list[int]:
+    """Mode counts of a text such as ``12`` or ``1-20``, both ends included.
+
+    Raises
+    ------
+    ValueError
+        The text is neither a mode count nor a rising range of them.
+    """
+    match = re.fullmatch(r"([1-9]\d{0,4})(?:-([1-9]\d{0,4}))?", text)
+    if match and match[2] is None:
+        return [int(match[1])]
+    if match and int(match[1]) < int(match[2]):
+        return list(range(int(match[1]), int(match[2]) + 1))
+    raise ValueError(f"{text!r} is neither a mode count from 1 on, nor a rising range such as 1-20")
+
+
+def check_modes(config: Mapping[str, Any], scene: str, sampling: str, modes: str) -> None:
+    """Check mode counts that are asked for, such as ``12`` or ``1-20``.
+
+    Raises
+    ------
+    ConfigError
+        They are no mode counts, or more than the sampling can give.
+    """
+    settings = config["scenes"][scene]
+    _check_modes(scene, sampling, settings, "modes", modes)
+
+
+def mode_limit(scene: Mapping[str, Any], sampling: str) -> int:
+    """The most modes that a sampling gives: those of the larger of its two snapshot sets."""
+    times = scene["samplings"][sampling]
+    if "count" in times:
+        snapshots = times["count"]
+    else:
+        snapshots = max(len(times["velocity_times"]), len(times["density_times"]))
+    return min(snapshots, scene["particle_count"])
+
+
+def _refusal(scene: str | None, key: str, value: Any, allowed: str) -> ConfigError:
+    return ConfigError(f"{f'scene {scene}: ' if scene else ''}{key} = {_shown(value)}: {allowed}")
+
+
+def _shown(value: Any) -> str:
+    """A value as in YAML, on one line and not too long."""
+    if value is None:
+        return "(empty)"
+    if isinstance(value, str):
+        text = " ".join(value.split())
+    else:
+        text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, sort_keys=False)
+        text = text.removesuffix("\n").removesuffix("\n...").strip()
+    return text if len(text) <= 100 else text[:97] + "..."
+
+
+# ------------------------------------------------------------------------------- reading YAML
+
+
+class _StrictLoader(SafeLoader):
+    """YAML with the scalars of YAML 1.2: ``2e-4`` is a number, ``yes``, 1:30 and dates are text."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}  # noqa: RUF012
+
+
+for _tag, _pattern, _first in (
+    ("null", r"~|null|", ["~", "n", ""]),
+    ("bool", r"true|false", list("tf")),
+    ("int", r"[-+]?(0|[1-9]\d*)", list("-+0123456789")),
+    ("float", r"[-+]?(\.\d+|\d+(\.\d*)?)([eE][-+]?\d+)?", list("-+.0123456789")),
+):
+    _StrictLoader.add_implicit_resolver(
+        f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})$"), _first
+    )
+
+
+def read_yaml(path: Path | str) -> dict[str, Any]:
+    """Read a YAML file that holds a mapping, in which no key stands twice.
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, is not YAML, or holds a key twice.
+    """
+    try:
+        loader = _StrictLoader(Path(path).read_bytes())
+        try:
+            node = loader.get_single_node()
+            _check_keys(node, str(path))
+            content = loader.construct_document(node) if node else {}
+        finally:
+            loader.dispose()
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be read ({error.strerror})") from error
+    except (yaml.YAMLError, RecursionError) as error:
+        mark = getattr(error, "problem_mark", None)
+        line = f", line {mark.line + 1}" if mark else ""
+        problem = getattr(error, "problem", None) or str(error)
+        raise ConfigError(
+            f"{path}{line}: this is not YAML ({' '.join(problem.split())})"
+        ) from error
+    if not isinstance(content, dict):
+        raise ConfigError(f"{path} holds {_shown(content)} where keys and values are needed")
+    return content
+
+
+def _check_keys(node: yaml.Node | None, source: str, path: tuple[str, ...] = ()) -> None:
+    """Refuse a key that is not text or stands twice, and a number that is not finite."""
+    if isinstance(node, yaml.SequenceNode):
+        for index, item in enumerate(node.value):
+            _check_keys(item, source, (*path, str(index)))
+    elif isinstance(node, yaml.ScalarNode):
+        if node.tag.endswith(":float") and not math.isfinite(float(node.value)):
+            scene, key = _scene_and_key(path)
+            raise _refusal(scene, key, node.value, "the number is too large")
+    elif isinstance(node, yaml.MappingNode):
+        seen = set()
+        for key_node, value in node.value:
+            line = key_node.start_mark.line + 1
+            if not key_node.tag.endswith(":str"):
+                name = _shown(key_node.value)
+                raise ConfigError(f"{source}, line {line}: the key {name} is not text")
+            name = key_node.value
+            if name in seen:
+                scene, key = _scene_and_key((*path, name))
+                shown = value.value if isinstance(value, yaml.ScalarNode) else "..."
+                raise _refusal(
+                    scene,
+                    key,
+                    shown,
+                    f"the key stands twice ({source}, line {line}); once is allowed",
+                )
+            seen.add(name)
+            _check_keys(value, source, (*path, name))
+
+
+def _plain(value: Any) -> Any:
+    """A copy that shares nothing, with whole numbers as int however they were written."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
+        return int(value)
+    return value
+
+
+def _merged(old: Any, new: Any) -> Any:
+    if isinstance(old, dict) and isinstance(new, dict):
+        return old | {key: _merged(old.get(key), item) for key, item in new.items()}
+    return new
+
+
+# ------------------------------------------------------------------------------- the schema
+
+TYPES = {
+    "object": "keys and values",
+    "array": "a list",
+    "string": "text",
+    "number": "a number",
+    "integer": "a whole number",
+}
+
+
+def _check_schema(settings: dict[str, Any], schema: dict[str, Any]) -> None:
+    def weight(error: jsonschema.ValidationError) -> tuple[int, list[str]]:
+        # A misspelt key is also a missing one: speak of the misspelling.
+        rank = {"additionalProperties": 0, "propertyNames": 0, "required": 2, "oneOf": 3}
+        return rank.get(str(error.validator), 1), [str(part) for part in error.absolute_path]
+
+    errors = sorted(jsonschema.Draft202012Validator(schema).iter_errors(settings), key=weight)
+    if errors:
+        raise _schema_refusal(errors[0])
+
+
+def _schema_refusal(error: jsonschema.ValidationError) -> ConfigError:
+    """Put what the schema refuses in one sentence."""
+    path = [str(part) for part in error.absolute_path]
+    schema: Any = error.schema
+    rule: Any = error.validator_value
+    value: Any = error.instance
+    about = f" ({schema['description']})" if "description" in schema else ""
+    match error.validator:
+        case "additionalProperties":
+            known = list(schema.get("properties", {}))
+            unknown = next(key for key in value if key not in known)
+            near = difflib.get_close_matches(unknown, known, n=1)
+            allowed = f"unknown key{f', did you mean {near[0]}?' if near else ';'} "
+            allowed += f"allowed are {', '.join(known)}"
+            path, value = [*path, unknown], value[unknown]
+        case "required":
+            missing = next(key for key in rule if key not in value)
+            about = schema.get("properties", {}).get(missing, {}).get("description", "")
+            path, value = [*path, missing], "(missing)"
+            allowed = f"the key must be given{f' ({about})' if about else ''}"
+        case "type":
+            kinds = [rule] if isinstance(rule, str) else rule
+            allowed = f"it must be {' or '.join(TYPES[kind] for kind in kinds)}{about}"
+        case "enum":
+            allowed = f"allowed are {', '.join(rule)}{about}"
+        case "minimum":
+            allowed = f"it must be at least {rule}{about}"
+        case "exclusiveMinimum":
+            allowed = f"it must be above {rule}{about}"
+        case "minItems" | "maxItems":
+            bound = "at least" if error.validator == "minItems" else "at most"
+            allowed = f"it must have {bound} {rule} entries{about}"
+        case "uniqueItems":
+            allowed = f"no entry may stand twice{about}"
+        case "minProperties":
+            allowed = f"it must have at least {rule} entries{about}"
+        case "pattern":  # of a value, or of a name (propertyNames), which is then no part of path
+            if "propertyNames" in error.absolute_schema_path:
+                path = [*path, "name"]
+            allowed = f"it must be of {schema.get('description', rule)}"
+        case _:
+            allowed = f"it must be {schema.get('description', error.message)}"
+    scene, key = _scene_and_key(path)
+    return _refusal(scene, key, value, allowed)
+
+
+def _scene_and_key(path: Sequence[str]) -> tuple[str | None, str]:
+    """Split a path in the configuration into the scene, if it lies in one, and the key in it."""
+    if len(path) > 2 and path[0] == "scenes":
+        return path[1], ".".join(path[2:])
+    return None, ".".join(path) or "configuration"
+
+
+# --------------------------------------------------------------------- meaning and defaults
+
+
+def _resolved_scene(name: str, settings: dict[str, Any]) -> dict[str, Any]:
+    """Check one scene and fill in its defaults."""
+    scene = {
+        "section": "",
+        "samplings": {},
+        "acceleration": {},
+        **settings,
+        "error_interval": settings.get(
+            "error_interval", settings["duration"] / DEFAULT_ERROR_SAMPLES
+        ),
+    }
+    try:
+        physics = scenes.Scene.from_settings(name, scene)
+        scenes.check(physics)
+    except ConfigError:
+        raise
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    scene["references"] = _references(name, scene, physics)
+    scene["samplings"] = {
+        sampling: _resolved_sampling(name, sampling, scene) for sampling in scene["samplings"]
+    }
+    for sampling, study in scene["acceleration"].items():
+        key = f"acceleration.{sampling}"
+        if sampling not in scene["samplings"]:
+            raise _refusal(name, key, study, _known("sampling", scene["samplings"]))
+        for count in study["mode_counts"]:
+            _check_modes(name, sampling, scene, f"{key}.mode_counts", str(count))
+    figures = scene["figures"] if "figures" in scene else list(_default_figures(scene))
+    scene["figures"] = [
+        _resolved_figure(name, scene, f"figures.{index}", figure)
+        for index, figure in enumerate(figures)
+    ]
+    return scene
+
+
+def _references(name: str, settings: dict[str, Any], physics: scenes.Scene) -> list[str]:
+    asked = settings.get("references")
+    if asked is not None and not {"exact", "modified"} & set(asked):
+        return asked
+    from sphpod import exact  # only here: a configuration without exact solutions does not need it
+
+    kind = exact.kind(physics)
+    if asked is None:
+        return ["centred" if kind is None else "exact"]
+    if kind is None:
+        raise _refusal(
+            name,
+            "references",
+            asked,
+            "no exact solution of this scene is known; allowed are fd and centred",
+        )
+    return asked
+
+
+def _resolved_sampling(name: str, sampling: str, scene: dict[str, Any]) -> dict[str, Any]:
+    settings = scene["samplings"][sampling]
+    key = f"samplings.{sampling}"
+    step, duration = scene["time_step"], scene["duration"]
+    if "range" in settings:
+        start, end = settings["range"]
+        if not start < end <= duration:
+            raise _refusal(
+                name, f"{key}.range", [start, end], f"it must rise and end within T = {duration}"
+            )
+        count = settings["count"]
+        if "seed" in settings:
+            available = math.floor(end / step + 1e-6) - math.ceil(start / step - 1e-6)
+            if count > available:
+                raise _refusal(
+                    name,
+                    f"{key}.count",
+                    count,
+                    f"at most {available} can be drawn, one a time step of {step:g} in the range",
+                )
+        else:
+            times = start + np.arange(count) * ((end - start) / count)
+            _check_steps(name, f"{key}.count", count, times, step)
+    else:
+        for which in ("velocity_times", "density_times"):
+            times = settings[which]
+            if max(times) > duration:
+                raise _refusal(
+                    name, f"{key}.{which}", max(times), f"it must lie within 0 and T = {duration}"
+                )
+            _check_steps(name, f"{key}.{which}", times, times, step)
+    limit = min(DEFAULT_LARGEST_SWEEP, mode_limit(scene, sampling))
+    modes = str(settings.get("mode_counts", f"1-{limit}" if limit > 1 else "1"))
+    _check_modes(name, sampling, scene, f"{key}.mode_counts", modes)
+    return {**settings, "mode_counts": modes}
+
+
+def _check_steps(name: str, key: str, value: Any, times: Any, step: float) -> None:
+    steps, counts = np.unique(np.rint(np.asarray(times) / step), return_counts=True)
+    if (counts > 1).any():
+        twice = steps[counts.argmax()] * step
+        raise _refusal(
+            name,
+            key,
+            value,
+            f"two snapshots fall on the time step at {twice:g}; times must be at least one step of "
+            f"{step:g} apart",
+        )
+
+
+def _check_modes(name: str, sampling: str, scene: Any, key: str, modes: str) -> None:
+    try:
+        most = max(parse_modes(modes))
+    except ValueError as error:
+        raise _refusal(name, key, modes, f"{error} (sampling {sampling})") from None
+    limit = mode_limit(scene, sampling)
+    if most > limit:
+        raise _refusal(
+            name,
+            key,
+            modes,
+            f"more modes than the {limit} that the larger snapshot set of sampling {sampling} holds; "
+            f"allowed are 1 to {limit}",
+        )
+
+
+def _default_figures(scene: dict[str, Any]) -> Iterator[dict[str, Any]]:
+    yield {"kind": "profile"}
+    for sampling in scene["samplings"]:
+        yield {"kind": "modes", "sampling": sampling}
+        yield {"kind": "error", "sampling": sampling}
+        if sampling in scene["acceleration"]:
+            yield {"kind": "acceleration", "sampling": sampling}
+
+
+def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) -> dict[str, Any]:
+    kind = figure["kind"]
+    allowed = ("kind", "name", "caption", *FIGURE_KEYS[kind])
+    for given, value in figure.items():
+        if given not in allowed:
+            raise _refusal(
+                name,
+                f"{key}.{given}",
+                value,
+                f"a figure of kind {kind} has no such key; allowed are {', '.join(allowed)}",
+            )
+    for needed in set(FIGURE_KEYS[kind]) - {"fields", *figure}:
+        raise _refusal(name, f"{key}.{needed}", "(missing)", f"a figure of kind {kind} needs it")
+    sampling = figure.get("sampling")
+    if sampling is not None:
+        what = "acceleration" if kind == "acceleration" else "sampling"
+        known = scene["acceleration" if kind == "acceleration" else "samplings"]
+        if sampling not in known:
+            raise _refusal(name, f"{key}.sampling", sampling, _known(what, known))
+    if kind == "phase" and figure["position"] >= scene["domain_length"]:
+        raise _refusal(
+            name,
+            f"{key}.position",
+            figure["position"],
+            f"it must be at least 0 and below L = {scene['domain_length']}",
+        )
+    parts = [name, kind] if sampling is None else [name, sampling, kind]
+    of_what = name if sampling is None else f"{name}, snapshots {sampling}"
+    defaults = {"name": "_".join(parts), "caption": f"{FIGURE_CAPTIONS[kind]}: {of_what}."}
+    if kind == "profile":
+        defaults["fields"] = DEFAULT_FIELDS
+    return defaults | figure
+
+
+def _known(what: str, names: Iterable[str]) -> str:
+    allowed = ", ".join(names)
+    return f"the scene has no such {what}; {f'allowed are {allowed}' if allowed else 'it has none'}"
+
+
+def _check_figure_names(config: dict[str, Any]) -> None:
+    seen: dict[str, str] = {}
+    drawn = [(None, f"illustrations.{i}", f) for i, f in enumerate(config["illustrations"])]
+    drawn += [
+        (scene, f"figures.{i}", f)
+        for scene, settings in config["scenes"].items()
+        for i, f in enumerate(settings["figures"])
+    ]
+    for scene, key, figure in drawn:
+        place = f"scene {scene}, {key}" if scene else key
+        if figure["name"] in seen:
+            raise _refusal(
+                scene,
+                f"{key}.name",
+                figure["name"],
+                f"this name is taken by {seen[figure['name']]}; every figure needs its own",
+            )
+        seen[figure["name"]] = place
