@@ -1,0 +1,284 @@
+"""What is simulated: domain, initial state, material, damping, force, and discretisation."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from sphpod import stability
+from sphpod.expressions import Expression
+from sphpod.kernel import neighbour_count
+
+PHYSICS_KEYS = (
+    "domain_length",
+    "duration",
+    "initial_velocity",
+    "initial_density",
+    "youngs_modulus",
+    "damping",
+    "force",
+    "particle_count",
+    "smoothing_ratio",
+    "time_step",
+    "error_interval",
+    "interface",
+)
+"""The settings of a scene that its solutions depend on; samplings, figures and the like do not."""
+
+GROWTH_LIMIT = 1e6
+"""Largest growth of the fastest wave over T with which a run is worth starting."""
+
+ABSENT = np.zeros(0)
+"""Stands for a damping or force that a scene does not have."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A mass-spring-damper chain on the periodic domain [0, L) (section 2).
+
+    Attributes
+    ----------
+    domain_length, duration : float
+        L [m] and T [s].
+    particle_count : int
+        N.
+    smoothing_ratio : float
+        α = h/Δx.
+    time_step, error_interval : float
+        Δt [s], and the distance of the times over which errors are summed [s].
+    interface : "mean" or None
+        With "mean", SPH takes the modulus of a particle as the mean of its two half cells.
+    initial_velocity, initial_density, youngs_modulus : Expression in x
+        v0 [m/s], ρ0 [kg/m³], c [Pa].
+    damping : Expression in x, or None
+        d [1/s].
+    force_time, force_profile : Expression in t and in x, or None
+        External force per mass f(x, t) = force_profile(x) force_time(t) [m/s²]; a force without
+        profile is uniform.
+    """
+
+    name: str
+    domain_length: float
+    duration: float
+    particle_count: int
+    smoothing_ratio: float
+    time_step: float
+    error_interval: float
+    interface: str | None
+    initial_velocity: Expression
+    initial_density: Expression
+    youngs_modulus: Expression
+    damping: Expression | None
+    force_time: Expression | None
+    force_profile: Expression | None
+
+    @classmethod
+    def from_settings(cls, name: str, settings: dict[str, Any]) -> "Scene":
+        """Build a scene from its block of the configuration (keys beyond PHYSICS_KEYS are ignored).
+
+        Raises
+        ------
+        ValueError
+            An expression is not one, or uses an unknown name.
+        """
+        constants = {"L": float(settings["domain_length"]), "T": float(settings["duration"])}
+
+        def expression(key, text, variable):
+            try:
+                return Expression(text, (variable,), constants)
+            except ValueError as error:
+                raise ValueError(f"scene {name}: {key}: {error}") from None
+
+        def profile(key):
+            return expression(key, settings[key], "x") if key in settings else None
+
+        force = settings.get("force")
+        time, shape = (
+            (force["time"], force.get("profile")) if isinstance(force, dict) else (force, None)
+        )
+        return cls(
+            name=name,
+            domain_length=float(settings["domain_length"]),
+            duration=float(settings["duration"]),
+            particle_count=settings["particle_count"],
+            smoothing_ratio=float(settings["smoothing_ratio"]),
+            time_step=float(settings["time_step"]),
+            error_interval=float(settings.get("error_interval", settings["duration"] / 10000)),
+            interface=settings.get("interface"),
+            initial_velocity=profile("initial_velocity"),
+            initial_density=profile("initial_density"),
+            youngs_modulus=profile("youngs_modulus"),
+            damping=profile("damping"),
+            force_time=None if time is None else expression("force", time, "t"),
+            force_profile=None if shape is None else expression("force profile", shape, "x"),
+        )
+
+    @property
+    def spacing(self) -> float:
+        """Distance Δx = L/N between particles [m]."""
+        return self.domain_length / self.particle_count
+
+    @property
+    def smoothing_length(self) -> float:
+        """h = α Δx [m]."""
+        return self.smoothing_ratio * self.spacing
+
+    @property
+    def positions(self) -> np.ndarray:
+        """Particle positions x_i = i Δx [m], shape (N,)."""
+        return np.arange(self.particle_count) * self.spacing
+
+    @property
+    def step_count(self) -> int:
+        """Number of time steps in T."""
+        return round(self.duration / self.time_step)
+
+    @property
+    def error_stride(self) -> int:
+        """Number of time steps from one sample of the error integral to the next."""
+        return round(self.error_interval / self.time_step)
+
+    @property
+    def error_steps(self) -> np.ndarray:
+        """Time steps of the error integral, both ends included, shape (samples,)."""
+        return np.arange(0, self.step_count + 1, self.error_stride)
+
+    @property
+    def error_times(self) -> np.ndarray:
+        """Times of the error integral [s], shape (samples,)."""
+        return self.error_steps * self.time_step
+
+    def velocity0(self) -> np.ndarray:
+        """Initial velocity of the particles [m/s], shape (N,)."""
+        return self.initial_velocity(x=self.positions)
+
+    def density0(self) -> np.ndarray:
+        """Initial density of the particles [kg/m³], shape (N,)."""
+        return self.initial_density(x=self.positions)
+
+    def modulus(self) -> np.ndarray:
+        """Young's modulus of the particles in SPH [Pa], shape (N,)."""
+        if self.interface is None:
+            return self.youngs_modulus(x=self.positions)
+        quarter = self.spacing / 4
+        left = (self.positions - quarter) % self.domain_length
+        return (self.youngs_modulus(x=left) + self.youngs_modulus(x=self.positions + quarter)) / 2
+
+    def damping_values(self, positions: np.ndarray | None = None) -> np.ndarray:
+        """Damping coefficient [1/s] at the particles or ``positions``; empty if there is none."""
+        if self.damping is None:
+            return ABSENT
+        values = self.damping(x=self.positions if positions is None else positions)
+        return values if np.any(values) else ABSENT
+
+    def force_values(self, times: np.ndarray, positions: np.ndarray | None = None):
+        """Force per mass as f(x, t) = profile(x) amplitude(t).
+
+        Returns
+        -------
+        amplitude, profile : arrays, shapes (times,) and (N,)
+            Amplitude [m/s²] and profile (dimensionless); both empty if there is no force.
+        """
+        if self.force_time is None:
+            return ABSENT, ABSENT
+        x = self.positions if positions is None else positions
+        shape = np.ones_like(x) if self.force_profile is None else self.force_profile(x=x)
+        return self.force_time(t=times), shape
+
+
+def check(scene: Scene) -> None:
+    """Refuse a scene that cannot be simulated, before any work starts.
+
+    Raises
+    ------
+    ValueError
+        One sentence that names the scene, the key, its value and what is allowed.
+    """
+
+    def refuse(key, value, allowed):
+        raise ValueError(f"scene {scene.name}: {key} = {value}: {allowed}")
+
+    for key in ("domain_length", "duration", "time_step", "error_interval", "smoothing_ratio"):
+        value = getattr(scene, key)
+        if not (np.isfinite(value) and value > 0):
+            refuse(key, f"{value:g}", "it must be a positive number")
+    count = scene.particle_count
+    if count < 5:
+        refuse("particle_count", count, "at least 5 particles are needed")
+    for key, value in (("duration", scene.duration), ("error_interval", scene.error_interval)):
+        if not _is_multiple(value, scene.time_step):
+            refuse(
+                key, f"{value:g}", f"it must be a whole number of time steps of {scene.time_step:g}"
+            )
+    if not _is_multiple(scene.duration, scene.error_interval):
+        refuse(
+            "error_interval",
+            f"{scene.error_interval:g}",
+            f"the duration {scene.duration:g} must be a whole number of error intervals",
+        )
+    if neighbour_count(scene.smoothing_ratio) < 1:
+        refuse(
+            "smoothing_ratio",
+            f"{scene.smoothing_ratio:g}",
+            "it must be above 0.5, or a particle has no neighbour within 2h",
+        )
+    if 2 * neighbour_count(scene.smoothing_ratio) + 1 > count:
+        refuse(
+            "smoothing_ratio",
+            f"{scene.smoothing_ratio:g}",
+            f"the kernel's support of 4h wraps round the domain of {count} particles; "
+            f"at most {((count - 1) // 2 + 1) / 2:g} is possible",
+        )
+    fine = np.arange(8 * count) * (scene.spacing / 8)
+    _check_values(scene, "initial_velocity", scene.initial_velocity(x=fine), fine, refuse)
+    for key in ("initial_density", "youngs_modulus"):
+        values = getattr(scene, key)(x=fine)
+        _check_values(scene, key, values, fine, refuse)
+        if values.min() <= 0:
+            worst = int(values.argmin())
+            refuse(
+                key,
+                getattr(scene, key).text,
+                f"it is {values[worst]:g} at x = {fine[worst]:g} and must be positive everywhere",
+            )
+    if scene.damping is not None:
+        values = scene.damping(x=fine)
+        _check_values(scene, "damping", values, fine, refuse)
+        if values.min() < 0:
+            worst = int(values.argmin())
+            refuse(
+                "damping",
+                scene.damping.text,
+                f"it is {values[worst]:g} at x = {fine[worst]:g} and must not be negative",
+            )
+    if scene.force_time is not None:
+        times = scene.error_times
+        _check_values(scene, "force", scene.force_time(t=times), times, refuse, "t")
+        if scene.force_profile is not None:
+            _check_values(scene, "force profile", scene.force_profile(x=fine), fine, refuse)
+    growth = stability.growth_factor(scene)
+    if not growth <= GROWTH_LIMIT:
+        refuse(
+            "time_step",
+            f"{scene.time_step:g}",
+            f"explicit Euler would let the fastest wave grow by {growth:.3g} over the duration; "
+            f"at most {GROWTH_LIMIT:g} is allowed, which a time step of "
+            f"{stability.largest_time_step(scene, GROWTH_LIMIT):.3g} or less keeps",
+        )
+
+
+def _is_multiple(value, step):
+    ratio = value / step
+    return round(ratio) >= 1 and abs(ratio - round(ratio)) <= 1e-9 * ratio
+
+
+def _check_values(scene, key, values, points, refuse, variable="x"):
+    bad = np.flatnonzero(~np.isfinite(values))
+    if bad.size:
+        refuse(
+            key,
+            getattr(
+                scene, {"force": "force_time", "force profile": "force_profile"}.get(key, key)
+            ).text,
+            f"it is not finite at {variable} = {points[bad[0]]:g}",
+        )
