@@ -16,6 +16,7 @@ import jsonschema
 import numpy as np
 import yaml
 
+from sphpod import exact
 from sphpod import scene as scenes
 
 try:
@@ -118,14 +119,20 @@ def check_modes(config: Mapping[str, Any], scene: str, sampling: str, modes: str
     Raises
     ------
     ConfigError
-        They are no mode counts, or more than the sampling can give.
+        There is no such scene or sampling, these are no mode counts, or more than it can give.
     """
+    if scene not in config["scenes"]:
+        known = ", ".join(config["scenes"])
+        raise ConfigError(f"scene {scene}: there is no such scene; allowed are {known}")
     settings = config["scenes"][scene]
+    if sampling not in settings["samplings"]:
+        raise _refusal(scene, "sampling", sampling, _known("sampling", settings["samplings"]))
     _check_modes(scene, sampling, settings, "modes", modes)
 
 
 def mode_limit(scene: Mapping[str, Any], sampling: str) -> int:
-    """The most modes that a sampling gives: those of the larger of its two snapshot sets."""
+    """The most modes that a sampling gives: the size of the larger of its two snapshot sets, but
+    no more than there are particles."""
     times = scene["samplings"][sampling]
     if "count" in times:
         snapshots = times["count"]
@@ -365,18 +372,20 @@ def _references(name: str, settings: dict[str, Any], physics: scenes.Scene) -> l
     asked = settings.get("references")
     if asked is not None and not {"exact", "modified"} & set(asked):
         return asked
-    from sphpod import exact  # only here: a configuration without exact solutions does not need it
-
     kind = exact.kind(physics)
     if asked is None:
         return ["centred" if kind is None else "exact"]
-    if kind is None:
-        raise _refusal(
-            name,
-            "references",
-            asked,
-            "no exact solution of this scene is known; allowed are fd and centred",
-        )
+    possible = ["fd", "centred"]
+    possible += ["exact"] if kind else []
+    possible += ["modified"] if kind == "dalembert" else []
+    for reference in asked:
+        if reference not in possible:
+            raise _refusal(
+                name,
+                "references",
+                reference,
+                f"no such solution of this scene is known; allowed are {', '.join(possible)}",
+            )
     return asked
 
 
@@ -441,7 +450,7 @@ def _check_modes(name: str, sampling: str, scene: Any, key: str, modes: str) -> 
             name,
             key,
             modes,
-            f"more modes than the {limit} that the larger snapshot set of sampling {sampling} holds; "
+            f"more modes than the larger snapshot set of sampling {sampling} holds; "
             f"allowed are 1 to {limit}",
         )
 
@@ -483,9 +492,12 @@ def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) ->
         )
     parts = [name, kind] if sampling is None else [name, sampling, kind]
     of_what = name if sampling is None else f"{name}, snapshots {sampling}"
-    defaults = {"name": "_".join(parts), "caption": f"{FIGURE_CAPTIONS[kind]}: {of_what}."}
+    defaults: dict[str, Any] = {
+        "name": "_".join(parts),
+        "caption": f"{FIGURE_CAPTIONS[kind]}: {of_what}.",
+    }
     if kind == "profile":
-        defaults["fields"] = DEFAULT_FIELDS
+        defaults["fields"] = list(DEFAULT_FIELDS)
     return defaults | figure
 
 

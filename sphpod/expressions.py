@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import numpy as np
-from simpleeval import EvalWithCompoundTypes  # type: ignore[import-untyped]
+from simpleeval import EvalWithCompoundTypes
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "where": np.where,
@@ -124,7 +124,17 @@ def _refusal(node: ast.AST, names: frozenset[str]) -> str | None:
                 return f"{name} takes {ARGUMENT_COUNTS[name]} argument(s), not {len(arguments)}"
             return _first_refusal(arguments, names)
         case _:
-            return f"{ast.unparse(node)!r} is not allowed"
+            return f"{_quoted(node)} is not allowed"
+
+
+def _quoted(node: ast.AST) -> str:
+    return repr(_shortened(ast.unparse(node)))
+
+
+def _shortened(text: str) -> str:
+    """The text on one line, and not too long to be quoted in a message."""
+    text = " ".join(text.split())
+    return text if len(text) <= 100 else text[:97] + "..."
 
 
 def _first_refusal(nodes: Iterable[ast.AST], names: frozenset[str]) -> str | None:
@@ -149,7 +159,7 @@ def _refused_sum(series: ast.AST, names: frozenset[str]) -> str | None:
         ):
             for loop in loops:
                 if not isinstance(loop.target, ast.Name) or loop.ifs or loop.is_async:
-                    return f"{ast.unparse(loop)!r} is not of the form 'for l in range(1, 4)'"
+                    return f"{_quoted(loop)} is not of the form 'for l in range(1, 4)'"
                 index = loop.target.id
                 if index in names or index in FUNCTIONS or index.startswith("_"):
                     return f"{index!r} cannot be the index of a sum"
@@ -159,7 +169,7 @@ def _refused_sum(series: ast.AST, names: frozenset[str]) -> str | None:
                     case ast.Tuple(elts=values) | ast.List(elts=values):
                         refusal = _first_refusal(values, names)
                     case _:
-                        refusal = f"{ast.unparse(loop.iter)!r} is neither a range nor (1, 3, 10)"
+                        refusal = f"{_quoted(loop.iter)} is neither a range nor (1, 3, 10)"
                 if refusal:
                     return refusal
                 names |= {index}
@@ -241,9 +251,7 @@ class Expression:
 
     def _error(self, reason: str) -> ValueError:
         names = ", ".join((*self.variables, *self.constants, *FUNCTIONS))
-        text = " ".join(self.text.split())
-        text = text if len(text) <= 120 else text[:117] + "..."
         return ValueError(
-            f"{text!r} is refused because {reason}; allowed are numbers, {names}, "
+            f"{_shortened(self.text)!r} is refused because {reason}; allowed are numbers, {names}, "
             "arithmetic (+ - * / // % **) and comparisons (also and, or, not)"
         )
