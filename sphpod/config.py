@@ -282,7 +282,7 @@ def _schema_refusal(error: jsonschema.ValidationError) -> ConfigError:
     schema: Any = error.schema
     rule: Any = error.validator_value
     value: Any = error.instance
-    about = f" ({schema['description']})" if "description" in schema else ""
+    about = _about(schema)
     match error.validator:
         case "additionalProperties":
             known = list(schema.get("properties", {}))
@@ -293,14 +293,13 @@ def _schema_refusal(error: jsonschema.ValidationError) -> ConfigError:
             path, value = [*path, unknown], value[unknown]
         case "required":
             missing = next(key for key in rule if key not in value)
-            about = schema.get("properties", {}).get(missing, {}).get("description", "")
             path, value = [*path, missing], "(missing)"
-            allowed = f"the key must be given{f' ({about})' if about else ''}"
+            allowed = f"it must be given{_about(schema.get('properties', {}).get(missing, {}))}"
         case "type":
             kinds = [rule] if isinstance(rule, str) else rule
             allowed = f"it must be {' or '.join(TYPES[kind] for kind in kinds)}{about}"
         case "enum":
-            allowed = f"allowed are {', '.join(rule)}{about}"
+            allowed = f"allowed are {', '.join(rule)}"
         case "minimum":
             allowed = f"it must be at least {rule}{about}"
         case "exclusiveMinimum":
@@ -315,11 +314,18 @@ def _schema_refusal(error: jsonschema.ValidationError) -> ConfigError:
         case "pattern":  # of a value, or of a name (propertyNames), which is then no part of path
             if "propertyNames" in error.absolute_schema_path:
                 path = [*path, "name"]
-            allowed = f"it must be of {schema.get('description', rule)}"
+            allowed = f"allowed are {schema.get('description', rule)}"
         case _:
             allowed = f"it must be {schema.get('description', error.message)}"
     scene, key = _scene_and_key(path)
     return _refusal(scene, key, value, allowed)
+
+
+def _about(schema: dict[str, Any]) -> str:
+    """What a field is, in brackets: its description up to the details, and its choices."""
+    brief = re.split("[:;]", schema.get("description", ""))[0]
+    choices = ", ".join(schema.get("enum", []))
+    return f" ({brief}{': ' if brief and choices else ''}{choices})" if brief or choices else ""
 
 
 def _scene_and_key(path: Sequence[str]) -> tuple[str | None, str]:
@@ -346,10 +352,10 @@ def _resolved_scene(name: str, settings: dict[str, Any]) -> dict[str, Any]:
     try:
         physics = scenes.Scene.from_settings(name, scene)
         scenes.check(physics)
-    except ConfigError:
-        raise
     except ValueError as error:
-        raise ConfigError(str(error)) from error
+        by_default = "error_interval" not in settings and "error_interval =" in str(error)
+        hint = " (this is the default T/10000; another can be set)" if by_default else ""
+        raise ConfigError(f"{error}{hint}") from error
     scene["references"] = _references(name, scene, physics)
     scene["samplings"] = {
         sampling: _resolved_sampling(name, sampling, scene) for sampling in scene["samplings"]
