@@ -7,3 +7,6 @@ once then write the same cache file, so the cache cannot mix one signature up wi
 from numba import njit
 
 compiled = njit(cache=True, fastmath={"contract"}, error_model="numpy")
+
+compiled_sums = njit(cache=True, fastmath={"contract", "reassoc", "nsz"}, error_model="numpy")
+"""For kernels whose sums over particles may be taken in any order, which lets them use vectors."""

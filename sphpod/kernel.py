@@ -72,6 +72,28 @@ def stencil_weights(spacing, smoothing_ratio):
     return spacing * kernel_gradient(-k * spacing, smoothing_ratio * spacing)
 
 
+def derivative(field, weights):
+    """SPH derivative of fields on evenly spaced particles, along their last axis.
+
+    It is antisymmetric: the sum over particles of ``a * derivative(b)`` is minus that of
+    ``b * derivative(a)``.
+
+    Parameters
+    ----------
+    field : array, shape (..., N)
+    weights : array
+        From ``stencil_weights`` [1/m].
+
+    Returns
+    -------
+    array, shape (..., N)
+    """
+    return sum(
+        w * (np.roll(field, -k, axis=-1) - np.roll(field, k, axis=-1))
+        for k, w in enumerate(weights, start=1)
+    )
+
+
 def derivative_coefficient(smoothing_ratio):
     """Coefficient β of f' in the SPH derivative of a smooth function (appendix B)."""
     weights = stencil_weights(1.0, smoothing_ratio)

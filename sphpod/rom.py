@@ -1,0 +1,435 @@
+"""Reduced models: Galerkin projection of the SPH equations on POD modes (sections 2.3 and 2.4).
+
+With v = Uv a and ρ = Uρ b (Uv, Uρ with orthonormal columns), and G the SPH derivative:
+
+    da/dt = P (1 - ρ0/ρ) - Uvᵀ D Uv a + Uvᵀ f,    P = -Uvᵀ diag(1/ρ0) G diag(c)
+    db/dt = -Uρᵀ (ρ²/ρ0 ∘ Q a),                   Q = G Uv
+
+original
+    these equations, explicit Euler.
+linearized
+    with ρ/ρ0 - 1 in place of 1 - ρ0/ρ (section 2.4), still evaluated on the particles.
+frozen1, frozen2, …
+    the linearized velocity equation in reduced coordinates; the coefficients ρ² and Uvᵀ f are
+    refreshed every n_freeze steps only. frozen1 is the linearized model in another form.
+"""
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sphpod.compiled import compiled, compiled_sums
+from sphpod.error import Projection
+from sphpod.kernel import derivative, stencil_weights
+from sphpod.scene import ABSENT, Scene
+from sphpod.stability import Breakdown
+
+GROUP = 4
+"""Modes that a kernel takes at once, so that it passes over the particles less often."""
+
+
+def freeze_steps(method: str) -> int:
+    """n_freeze of a method's name; 0 for the methods that freeze nothing.
+
+    Raises
+    ------
+    ValueError
+        There is no such method.
+    """
+    if method in ("original", "linearized"):
+        return 0
+    match = re.fullmatch(r"frozen([1-9]\d*)", method)
+    if match is None:
+        raise ValueError(
+            f"method = {method}: allowed are original, linearized and frozen1, frozen2, …"
+        )
+    return int(match[1])
+
+
+@dataclass(frozen=True)
+class ReducedModel:
+    """A scene projected on modes, ready to run.
+
+    Attributes
+    ----------
+    scene : Scene
+    method : str
+        original, linearized, frozen1, frozen2, …
+    velocity_modes, density_modes : arrays, shapes (kv, N) and (kρ, N)
+        Orthonormal modes, one a row.
+    """
+
+    scene: Scene
+    method: str
+    velocity_modes: np.ndarray
+    density_modes: np.ndarray
+
+    def prepare(self, steps: np.ndarray) -> Callable[[np.ndarray, np.ndarray], None]:
+        """Project the equations: all that precedes the time loop, so that it can be timed alone.
+
+        Parameters
+        ----------
+        steps : int array, shape (times,)
+            Ascending numbers of time steps after which the coordinates are kept.
+
+        Returns
+        -------
+        callable
+            ``run(velocity_coordinates, density_coordinates)`` fills arrays of shapes (times, kv)
+            and (times, kρ).
+        """
+        scene, n_freeze = self.scene, freeze_steps(self.method)
+        velocity_modes, density_modes = self.velocity_modes, self.density_modes
+        density0, dt = scene.density0(), scene.time_step
+        weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+        pull = dt * derivative(velocity_modes / density0, weights) * scene.modulus()
+        stretch = -dt * derivative(velocity_modes, weights) / density0
+        start = velocity_modes @ scene.velocity0(), density_modes @ density0
+        damping, amplitude, push = self._project_forces(dt, steps[-1])
+        if n_freeze == 0:
+            linear = self.method == "linearized"
+
+            def run(velocity_coordinates, density_coordinates):
+                march_particles(
+                    *map(_padded, start), _padded(pull), _padded(stretch), _padded(density_modes),
+                    density0, linear, damping, amplitude, _padded(push), steps,
+                    velocity_coordinates, density_coordinates,
+                )  # fmt: skip
+
+            return run
+        force = (pull / density0) @ density_modes.T
+        constant = -pull.sum(axis=1)
+        kv, kr = len(velocity_modes), len(density_modes)
+        if tensor_is_cheaper(kv, kr, density0.size, n_freeze):
+            tensor = _quadratic_tensor(density_modes, stretch)
+
+            def run(velocity_coordinates, density_coordinates):
+                march_tensor(
+                    *start, force, constant, tensor, n_freeze, damping, amplitude, push, steps,
+                    velocity_coordinates, density_coordinates,
+                )  # fmt: skip
+
+        else:
+
+            def run(velocity_coordinates, density_coordinates):
+                march_frozen(
+                    *map(_padded, start), _padded(force, both=True), _padded(constant),
+                    _padded(stretch), _padded(density_modes), n_freeze, _padded(damping, both=True),
+                    amplitude, _padded(push), steps, velocity_coordinates, density_coordinates,
+                )  # fmt: skip
+
+        return run
+
+    def solve(self, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray, Breakdown | None]:
+        """Run the model.
+
+        Parameters
+        ----------
+        steps : int array, shape (times,)
+
+        Returns
+        -------
+        velocity_coordinates, density_coordinates : arrays, shapes (times, kv) and (times, kρ)
+        breakdown : Breakdown or None
+            The first kept time at which the model is not finite or its density not positive.
+        """
+        run = self.prepare(steps)
+        velocity_coordinates = np.empty((steps.size, len(self.velocity_modes)))
+        density_coordinates = np.empty((steps.size, len(self.density_modes)))
+        run(velocity_coordinates, density_coordinates)
+        row, particle = self._broken(velocity_coordinates, density_coordinates)
+        breakdown = None
+        if row >= 0:
+            time = steps[row] * self.scene.time_step
+            model = f"the {self.method} model with {len(self.velocity_modes)} modes"
+            breakdown = Breakdown(self.scene.name, model, time, particle)
+        return velocity_coordinates, density_coordinates, breakdown
+
+    def _project_forces(self, dt, step_count):
+        """Damping matrix, amplitude of the force in every step and its projection, times Δt."""
+        scene, modes = self.scene, self.velocity_modes
+        d = scene.damping_values()
+        damping = dt * (modes * d) @ modes.T if d.size else np.zeros((0, 0))
+        amplitude, profile = scene.force_values(np.arange(step_count) * dt)
+        push = dt * modes @ profile if amplitude.size else ABSENT
+        return damping, amplitude, push
+
+    def _broken(self, velocity_coordinates, density_coordinates):
+        """First row and particle without finite state and positive density, or (-1, -1)."""
+        finite = np.isfinite(velocity_coordinates).all(1) & np.isfinite(density_coordinates).all(1)
+        bad = -1 if finite.all() else int(np.argmin(finite))
+        rows = density_coordinates[: bad if bad >= 0 else None]
+        if not len(rows):
+            return bad, 0
+        # |ρ_i(t) - ρ_i(0)| is at most the length of what the coordinates moved times that of the
+        # particle's entries in the modes: a test that is usually enough, and needs no particle.
+        reach = np.linalg.norm(self.density_modes, axis=0)
+        first = rows[0] @ self.density_modes
+        moved = np.linalg.norm(rows - rows[0], axis=1)
+        for row in np.flatnonzero(moved * np.max(reach / np.maximum(first, 1e-300)) >= 1):
+            density = rows[row] @ self.density_modes
+            if density.min() <= 0:
+                return int(row), int(density.argmin())
+        return bad, 0 if bad >= 0 else -1
+
+
+def sweep(
+    scene: Scene,
+    method: str,
+    mode_counts: Iterable[int],
+    modes: Mapping[str, np.ndarray],
+    sph: Mapping[str, Projection],
+    reference: Mapping[str, Projection],
+) -> dict[str, np.ndarray]:
+    """Errors of a reduced model for several mode counts; its coordinates, if it is only one.
+
+    Parameters
+    ----------
+    scene : Scene
+    method : str
+    mode_counts : ints
+        Modes for velocity and density each, or all there are.
+    modes : dict
+        velocity_modes, density_modes (one a row).
+    sph, reference : dict
+        velocity and density, each projected on all those modes (``error.project``).
+
+    Returns
+    -------
+    dict
+        mode_count, velocity_error_sph, density_error_sph, velocity_error_reference,
+        density_error_reference, breakdown_time [s] (NaN where none), each of shape (counts,); and
+        for a single count t, velocity_coordinates, density_coordinates.
+
+    Raises
+    ------
+    Breakdown
+        The model for a single mode count broke down. In a sweep, the errors of a mode count that
+        does are infinite, and the time is kept.
+    """
+    counts = list(mode_counts)
+    steps = scene.error_steps
+    arrays: dict[str, np.ndarray] = {"mode_count": np.array(counts)}
+    errors = {
+        f"{field}_error_{against}": np.full(len(counts), np.inf)
+        for against in ("sph", "reference")
+        for field in ("velocity", "density")
+    }
+    breakdown_time = np.full(len(counts), np.nan)
+    for n, count in enumerate(counts):
+        model = ReducedModel(
+            scene, method, modes["velocity_modes"][:count], modes["density_modes"][:count]
+        )
+        velocity, density, breakdown = model.solve(steps)
+        if breakdown is not None:
+            if len(counts) == 1:
+                raise breakdown
+            breakdown_time[n] = breakdown.time
+            continue
+        for against, projections in (("sph", sph), ("reference", reference)):
+            for field, reduced in (("velocity", velocity), ("density", density)):
+                error = projections[field].relative_error(reduced)
+                errors[f"{field}_error_{against}"][n] = error
+    arrays |= errors | {"breakdown_time": breakdown_time}
+    if len(counts) == 1:
+        arrays |= {
+            "t": scene.error_times,
+            "velocity_coordinates": velocity,
+            "density_coordinates": density,
+        }
+    return arrays
+
+
+def tensor_is_cheaper(kv: int, kr: int, particle_count: int, n_freeze: int) -> bool:
+    """Whether frozen coefficients take fewer operations a step without the particles.
+
+    With the tensor a step costs kv kρ, and a refresh kv kρ for each of the kρ(kρ+1)/2 products of
+    density coordinates; on the particles a step costs N (kv + kρ), and a refresh N kρ.
+    """
+    with_tensor = kv * kr + kv * kr * kr * (kr + 1) / 2 / n_freeze
+    on_particles = particle_count * (kv + kr) + particle_count * kr / n_freeze
+    return with_tensor < on_particles
+
+
+def _quadratic_tensor(density_modes, stretch):
+    """T[q ≤ r, (p, m)]: the matrix C is Σ T b_q b_r, as ρ² is quadratic in b."""
+    kr = len(density_modes)
+    pairs = [(q, r) for q in range(kr) for r in range(q, kr)]
+    products = np.array(
+        [(1 if q == r else 2) * density_modes[q] * density_modes[r] for q, r in pairs]
+    )
+    matrices = (density_modes[:, None, :] * stretch[None, :, :]).reshape(-1, stretch.shape[1])
+    return products @ matrices.T
+
+
+def _padded(array, both=False):
+    """Zeros appended to the modes (first axis, or both) until whole groups of them are there."""
+    if array.size == 0:
+        return array
+    missing = -np.array(array.shape) % GROUP
+    widths = [(0, m if axis == 0 or both else 0) for axis, m in enumerate(missing)]
+    return np.pad(array, widths)
+
+
+@compiled
+def expand(coordinates, modes, field):
+    """field = Σ_m coordinates[m] modes[m], four modes at once."""
+    for i in range(field.size):
+        field[i] = 0.0
+    for m in range(0, coordinates.size, 4):
+        c0, c1, c2, c3 = coordinates[m], coordinates[m + 1], coordinates[m + 2], coordinates[m + 3]
+        for i in range(field.size):
+            field[i] += (
+                c0 * modes[m, i]
+                + c1 * modes[m + 1, i]
+                + c2 * modes[m + 2, i]
+                + c3 * modes[m + 3, i]
+            )
+
+
+@compiled_sums
+def add_projection(field, modes, coordinates):
+    """coordinates[m] += Σ_i modes[m, i] field[i], four modes at once."""
+    for m in range(0, coordinates.size, 4):
+        s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+        for i in range(field.size):
+            s0 += modes[m, i] * field[i]
+            s1 += modes[m + 1, i] * field[i]
+            s2 += modes[m + 2, i] * field[i]
+            s3 += modes[m + 3, i] * field[i]
+        coordinates[m] += s0
+        coordinates[m + 1] += s1
+        coordinates[m + 2] += s2
+        coordinates[m + 3] += s3
+
+
+@compiled_sums
+def add_product(matrix, vector, result, sign):
+    """result += sign * matrix @ vector, for small matrices."""
+    for p in range(result.size):
+        total = 0.0
+        for m in range(vector.size):
+            total += matrix[p, m] * vector[m]
+        result[p] += sign * total
+
+
+@compiled
+def add_push(push, amplitude, step, result):
+    """result += amplitude of the force in this step times its projection."""
+    for m in range(push.size):
+        result[m] += amplitude[step] * push[m]
+
+
+@compiled
+def march_particles(
+    a, b, pull, stretch, density_modes, density0, linear, damping, amplitude, push, steps,
+    velocity_coordinates, density_coordinates,
+):  # fmt: skip
+    """Original and linearized model: the nonlinearity is evaluated on the particles."""
+    rho, rate = np.empty(density0.size), np.empty(density0.size)
+    kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
+    old_a = a.copy()
+    done = 0
+    for row in range(steps.size):
+        for step in range(done, steps[row]):
+            for m in range(a.size):
+                old_a[m] = a[m]
+            expand(b, density_modes, rho)
+            expand(a, stretch, rate)
+            for i in range(rho.size):
+                rate[i] *= rho[i] * rho[i]
+            if linear:
+                for i in range(rho.size):
+                    rho[i] = rho[i] / density0[i] - 1.0
+            else:
+                for i in range(rho.size):
+                    rho[i] = 1.0 - density0[i] / rho[i]
+            add_projection(rate, density_modes, b)
+            add_projection(rho, pull, a)
+            if damping.size:
+                add_product(damping, old_a[:kv], a[:kv], -1.0)
+            if amplitude.size:
+                add_push(push, amplitude, step, a)
+        done = steps[row]
+        velocity_coordinates[row] = a[:kv]
+        density_coordinates[row] = b[:kr]
+
+
+@compiled
+def march_frozen(
+    a, b, force, constant, stretch, density_modes, n_freeze, damping, amplitude, push, steps,
+    velocity_coordinates, density_coordinates,
+):  # fmt: skip
+    """Frozen coefficients, with ρ² kept on the particles between refreshes."""
+    squares, rate = np.empty(density_modes.shape[1]), np.empty(density_modes.shape[1])
+    kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
+    old_a = a.copy()
+    done = 0
+    for row in range(steps.size):
+        for step in range(done, steps[row]):
+            if step % n_freeze == 0:
+                expand(b, density_modes, squares)
+                for i in range(squares.size):
+                    squares[i] *= squares[i]
+            for m in range(a.size):
+                old_a[m] = a[m]
+                a[m] += constant[m]
+            add_product(force, b, a, 1.0)
+            if damping.size:
+                add_product(damping, old_a, a, -1.0)
+            if amplitude.size:
+                add_push(push, amplitude, step - step % n_freeze, a)
+            expand(old_a, stretch, rate)
+            for i in range(rate.size):
+                rate[i] *= squares[i]
+            add_projection(rate, density_modes, b)
+        done = steps[row]
+        velocity_coordinates[row] = a[:kv]
+        density_coordinates[row] = b[:kr]
+
+
+@compiled
+def refresh(b, tensor, coefficients):
+    """C = Σ_{q ≤ r} T[q, r] b_q b_r, flattened."""
+    for n in range(coefficients.size):
+        coefficients[n] = 0.0
+    pair = 0
+    for q in range(b.size):
+        for r in range(q, b.size):
+            product = b[q] * b[r]
+            for n in range(coefficients.size):
+                coefficients[n] += product * tensor[pair, n]
+            pair += 1
+
+
+@compiled
+def march_tensor(
+    a, b, force, constant, tensor, n_freeze, damping, amplitude, push, steps,
+    velocity_coordinates, density_coordinates,
+):  # fmt: skip
+    """Frozen coefficients, wholly in reduced coordinates: no particle is seen."""
+    a, b = a.copy(), b.copy()
+    coefficients = np.empty(b.size * a.size)
+    matrix = coefficients.reshape(b.size, a.size)
+    old_a, old_b = a.copy(), b.copy()
+    done = 0
+    for row in range(steps.size):
+        for step in range(done, steps[row]):
+            if step % n_freeze == 0:
+                refresh(b, tensor, coefficients)
+            for m in range(a.size):
+                old_a[m] = a[m]
+                a[m] += constant[m]
+            for m in range(b.size):
+                old_b[m] = b[m]
+            add_product(force, old_b, a, 1.0)
+            if damping.size:
+                add_product(damping, old_a, a, -1.0)
+            if amplitude.size:
+                add_push(push, amplitude, step - step % n_freeze, a)
+            add_product(matrix, old_a, b, 1.0)
+        done = steps[row]
+        velocity_coordinates[row] = a
+        density_coordinates[row] = b
