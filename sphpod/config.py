@@ -16,7 +16,7 @@ import jsonschema
 import numpy as np
 import yaml
 
-from sphpod import exact
+from sphpod import exact, snapshots
 from sphpod import scene as scenes
 
 try:
@@ -28,6 +28,9 @@ DEFAULT_ERROR_SAMPLES = 10000
 DEFAULT_LARGEST_SWEEP = 20
 DEFAULT_FIELDS = ["initial_velocity", "velocity"]
 DEFAULT_REPEATS = 5
+
+LARGEST_COUNTS = {"time_step": 10**9, "error_interval": 10**6}
+"""How often a key may fit in the duration, so that a slip of the pen does not fill the memory."""
 
 FIGURE_KEYS = {
     "profile": ("fields",),
@@ -135,10 +138,10 @@ def mode_limit(scene: Mapping[str, Any], sampling: str) -> int:
     no more than there are particles."""
     times = scene["samplings"][sampling]
     if "count" in times:
-        snapshots = times["count"]
+        larger = times["count"]
     else:
-        snapshots = max(len(times["velocity_times"]), len(times["density_times"]))
-    return min(snapshots, scene["particle_count"])
+        larger = max(len(times["velocity_times"]), len(times["density_times"]))
+    return min(larger, scene["particle_count"])
 
 
 def _refusal(scene: str | None, key: str, value: Any, allowed: str) -> ConfigError:
@@ -213,7 +216,7 @@ def _check_keys(node: yaml.Node | None, source: str, path: tuple[str, ...] = ())
         for index, item in enumerate(node.value):
             _check_keys(item, source, (*path, str(index)))
     elif isinstance(node, yaml.ScalarNode):
-        if node.tag.endswith(":float") and not math.isfinite(float(node.value)):
+        if node.tag.endswith((":float", ":int")) and not math.isfinite(float(node.value)):
             scene, key = _scene_and_key(path)
             raise _refusal(scene, key, node.value, "the number is too large")
     elif isinstance(node, yaml.MappingNode):
@@ -302,6 +305,8 @@ def _schema_refusal(error: jsonschema.ValidationError) -> ConfigError:
             allowed = f"allowed are {', '.join(rule)}"
         case "minimum":
             allowed = f"it must be at least {rule}{about}"
+        case "maximum":
+            allowed = f"it must be at most {rule}{about}"
         case "exclusiveMinimum":
             allowed = f"it must be above {rule}{about}"
         case "minItems" | "maxItems":
@@ -349,6 +354,10 @@ def _resolved_scene(name: str, settings: dict[str, Any]) -> dict[str, Any]:
             "error_interval", settings["duration"] / DEFAULT_ERROR_SAMPLES
         ),
     }
+    for key, largest in LARGEST_COUNTS.items():
+        if scene["duration"] / scene[key] > largest:
+            least = f"at least T/{largest:g} = {scene['duration'] / largest:g} is needed"
+            raise _refusal(name, key, scene[key], least)
     try:
         physics = scenes.Scene.from_settings(name, scene)
         scenes.check(physics)
@@ -358,7 +367,8 @@ def _resolved_scene(name: str, settings: dict[str, Any]) -> dict[str, Any]:
         raise ConfigError(f"{error}{hint}") from error
     scene["references"] = _references(name, scene, physics)
     scene["samplings"] = {
-        sampling: _resolved_sampling(name, sampling, scene) for sampling in scene["samplings"]
+        sampling: _resolved_sampling(name, sampling, scene, physics)
+        for sampling in scene["samplings"]
     }
     for sampling, study in scene["acceleration"].items():
         key = f"acceleration.{sampling}"
@@ -395,54 +405,50 @@ def _references(name: str, settings: dict[str, Any], physics: scenes.Scene) -> l
     return asked
 
 
-def _resolved_sampling(name: str, sampling: str, scene: dict[str, Any]) -> dict[str, Any]:
+def _resolved_sampling(
+    name: str, sampling: str, scene: dict[str, Any], physics: scenes.Scene
+) -> dict[str, Any]:
     settings = scene["samplings"][sampling]
     key = f"samplings.{sampling}"
-    step, duration = scene["time_step"], scene["duration"]
+    step, duration = physics.time_step, physics.duration
     if "range" in settings:
         start, end = settings["range"]
         if not start < end <= duration:
             raise _refusal(
-                name, f"{key}.range", [start, end], f"it must rise and end within T = {duration}"
+                name, f"{key}.range", [start, end], f"it must rise and end within T = {duration:g}"
             )
-        count = settings["count"]
-        if "seed" in settings:
-            available = math.floor(end / step + 1e-6) - math.ceil(start / step - 1e-6)
-            if count > available:
-                raise _refusal(
-                    name,
-                    f"{key}.count",
-                    count,
-                    f"at most {available} can be drawn, one a time step of {step:g} in the range",
-                )
-        else:
-            times = start + np.arange(count) * ((end - start) / count)
-            _check_steps(name, f"{key}.count", count, times, step)
+        available = math.floor(end / step + 1e-6) - math.ceil(start / step - 1e-6)
+        # Evenly spaced times may also round to the range's end, random ones never do.
+        if settings["count"] > available + ("seed" not in settings):
+            raise _refusal(
+                name,
+                f"{key}.count",
+                settings["count"],
+                f"the range holds {available} time steps of {step:g}, each for one snapshot",
+            )
     else:
         for which in ("velocity_times", "density_times"):
-            times = settings[which]
-            if max(times) > duration:
+            last = max(settings[which])
+            if last > duration:
                 raise _refusal(
-                    name, f"{key}.{which}", max(times), f"it must lie within 0 and T = {duration}"
+                    name, f"{key}.{which}", last, f"it must lie within 0 and T = {duration:g}"
                 )
-            _check_steps(name, f"{key}.{which}", times, times, step)
+    taken = snapshots.sampling_steps(physics, settings)
+    for which, steps in zip(("velocity_times", "density_times"), taken, strict=True):
+        twice = steps[1:][np.diff(steps) == 0]
+        if twice.size:
+            source = "count" if "count" in settings else which
+            raise _refusal(
+                name,
+                f"{key}.{source}",
+                settings[source],
+                f"two snapshots fall on the time step at {twice[0] * step:g}; they must lie at "
+                f"least one step of {step:g} apart",
+            )
     limit = min(DEFAULT_LARGEST_SWEEP, mode_limit(scene, sampling))
     modes = str(settings.get("mode_counts", f"1-{limit}" if limit > 1 else "1"))
     _check_modes(name, sampling, scene, f"{key}.mode_counts", modes)
     return {**settings, "mode_counts": modes}
-
-
-def _check_steps(name: str, key: str, value: Any, times: Any, step: float) -> None:
-    steps, counts = np.unique(np.rint(np.asarray(times) / step), return_counts=True)
-    if (counts > 1).any():
-        twice = steps[counts.argmax()] * step
-        raise _refusal(
-            name,
-            key,
-            value,
-            f"two snapshots fall on the time step at {twice:g}; times must be at least one step of "
-            f"{step:g} apart",
-        )
 
 
 def _check_modes(name: str, sampling: str, scene: Any, key: str, modes: str) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import jsonschema
 import pytest
 import yaml
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sphpod import config
@@ -55,17 +55,17 @@ def wave(changes=None, **more):
 
     A key with dots, such as ``samplings.few.seed``, lies deeper.
     """
-    settings: dict[str, Any] = copy.deepcopy(WAVE)
+    scene: dict[str, Any] = copy.deepcopy(WAVE)
     for key, value in ((changes or {}) | more).items():
         *parents, last = key.split(".")
-        block: Any = settings
+        block: Any = scene
         for parent in parents:
             block = block.setdefault(parent, {})
         if value is None:
             del block[last]
         else:
             block[last] = value
-    return {"scenes": {"wave": settings}}
+    return {"scenes": {"wave": scene}}
 
 
 def refusal(load, *contents):
@@ -105,8 +105,8 @@ def test_project_configuration_resolves_to_plain_json(name):
     resolved = config.load([ROOT / "config" / f"{name}.yaml"], SCHEMA)
     assert json.loads(json.dumps(resolved)) == resolved
     for scene in resolved["scenes"].values():
-        for sampling, settings in scene["samplings"].items():
-            modes = config.parse_modes(settings["mode_counts"])
+        for sampling, taken in scene["samplings"].items():
+            modes = config.parse_modes(taken["mode_counts"])
             assert modes[-1] <= config.mode_limit(scene, sampling)
 
 
@@ -229,7 +229,8 @@ def test_yaml_scalars(tmp_path, text, value):
     assert isinstance(read, type(value))
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False), st.sampled_from(["r", ".3e", ".17G"]))
+@settings(deadline=None)
+@given(st.floats(-1e300, 1e300), st.sampled_from(["r", ".3e", ".17G"]))
 def test_yaml_reads_every_number_as_python_does(tmp_path_factory, number, form):
     text = repr(number) if form == "r" else format(number, form)
     path = tmp_path_factory.getbasetemp() / "number.yaml"
@@ -274,6 +275,9 @@ REFUSALS = [
     ({"section": 3.1}, ["section = 3.1", "text"]),
     ({"particle_count": 20.5}, ["particle_count = 20.5", "a whole number"]),
     ({"particle_count": 4}, ["particle_count = 4", "at least 5"]),
+    ({"particle_count": 10**9}, ["particle_count = 1000000000", "at most 100000"]),
+    ({"time_step": 1e-12}, ["time_step = 1.0e-12", "at least T/1e+09"]),
+    ({"error_interval": 1e-9}, ["error_interval = 1.0e-09", "at least T/1e+06"]),
     ({"domain_length": 0}, ["domain_length = 0", "above 0"]),
     ({"time_step": 0}, ["time_step = 0", "above 0"]),
     ({"time_step": -0.1}, ["time_step = -0.1", "above 0"]),
@@ -316,8 +320,12 @@ REFUSALS = [
     ({"samplings.uniform10.range": [-1, 1]}, ["samplings.uniform10.range.0 = -1", "at least 0"]),
     ({"samplings.uniform10.range": [1]}, ["samplings.uniform10.range = [1]", "2 entries"]),
     ({"samplings.uniform10.count": 0}, ["samplings.uniform10.count = 0", "at least 1"]),
-    ({"samplings.uniform10.count": 501}, ["samplings.uniform10.count = 501", "0.002"]),
-    ({"samplings.uniform10": {"range": [0, 1], "count": 501, "seed": 1}}, ["501", "at most 500"]),
+    ({"samplings.uniform10.count": 501}, ["samplings.uniform10.count = 501", "at 0.", "0.002"]),
+    ({"samplings.uniform10.count": 10**12}, ["count = 1000000000000", "500 time steps of 0.002"]),
+    (
+        {"samplings.uniform10": {"range": [0, 1], "count": 501, "seed": 1}},
+        ["501", "500 time steps"],
+    ),
     ({"samplings.few.density_times": [0, 1.1]}, ["density_times = 1.1", "within 0 and T = 1"]),
     ({"samplings.few.density_times": [-0.1]}, ["density_times.0 = -0.1", "at least 0"]),
     ({"samplings.few.velocity_times": []}, ["velocity_times = []", "at least 1"]),
@@ -373,7 +381,7 @@ def test_refused_with_scene_key_value_and_what_is_allowed(load, changes, parts):
 
 
 @pytest.mark.parametrize(
-    ("settings", "parts"),
+    ("content", "parts"),
     [
         (wave() | {"sceens": {}}, ["sceens = {}", "unknown key", "did you mean scenes"]),
         (wave() | {"output": "../elsewhere"}, ["output = ../elsewhere", "relative folders"]),
@@ -393,8 +401,8 @@ def test_refused_with_scene_key_value_and_what_is_allowed(load, changes, parts):
         ({}, ["scenes = (missing)"]),
     ],
 )
-def test_refused_outside_scenes(load, settings, parts):
-    message = refusal(load, settings)
+def test_refused_outside_scenes(load, content, parts):
+    message = refusal(load, content)
     for part in parts:
         assert part in message
 
@@ -437,6 +445,7 @@ def test_duplicate_scene(load):
         ("5", "keys and values"),
         ("1: 2", "line 1: the key 1 is not text"),
         ("a: 1e999", "a = 1e999: the number is too large"),
+        (f"a: {'9' * 5000}", "the number is too large"),
         ("a: [1, -1e999]", "a.1 = -1e999: the number is too large"),
         ("", "scenes = (missing)"),
     ],
@@ -448,6 +457,65 @@ def test_not_the_yaml_that_is_needed(load, text, part):
 def test_file_that_cannot_be_read(tmp_path):
     with pytest.raises(config.ConfigError, match=r"missing\.yaml cannot be read"):
         config.load([tmp_path / "missing.yaml"], SCHEMA)
+
+
+PATHS = [
+    "particle_count",
+    "duration",
+    "time_step",
+    "error_interval",
+    "smoothing_ratio",
+    "initial_velocity",
+    "youngs_modulus",
+    "damping",
+    "force",
+    "force.time",
+    "interface",
+    "references",
+    "samplings",
+    "samplings.few",
+    "samplings.few.velocity_times",
+    "samplings.uniform10.range",
+    "samplings.uniform10.count",
+    "samplings.uniform10.seed",
+    "samplings.uniform10.mode_counts",
+    "acceleration",
+    "acceleration.few",
+    "figures",
+    "unknown",
+]
+VALUES = st.recursive(
+    st.booleans()
+    | st.integers()
+    | st.floats(allow_nan=False, allow_infinity=False)
+    | st.sampled_from(["x", "t", "1-3", "few", "mean", "exact", "", "where(x > 1, 1, 2)"])
+    | st.text(max_size=5),
+    lambda values: (
+        st.lists(values, max_size=3)
+        | st.dictionaries(st.sampled_from(["kind", "range", "count", "time", "few"]), values)
+    ),
+    max_leaves=4,
+)
+
+
+@settings(deadline=None)
+@given(st.sampled_from(PATHS), VALUES)
+def test_any_value_anywhere_is_accepted_or_refused_in_one_sentence(path, value):
+    scene: dict[str, Any] = copy.deepcopy(WAVE) | {"force": {"time": 0, "profile": 1}}
+    *parents, last = path.split(".")
+    block: Any = scene
+    for parent in parents:
+        block = block[parent] if parent != "acceleration" else block.setdefault(parent, {})
+    block[last] = value
+    try:
+        resolved = config.load([], SCHEMA, {"scenes": {"wave": scene}})
+    except config.ConfigError as error:
+        message = str(error)
+    else:
+        assert json.loads(json.dumps(resolved)) == resolved
+        return
+    assert message.startswith("scene wave: ")
+    assert "\n" not in message
 
 
 # ------------------------------------------------------------------------------ mode counts

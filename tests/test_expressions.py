@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sphpod.expressions import Expression
@@ -48,11 +48,13 @@ def test_value(text, expected):
     np.testing.assert_array_equal(value, expected)
 
 
+@settings(deadline=None)
 @given(st.floats(allow_nan=False, allow_infinity=False))
 def test_a_number_is_an_expression(number):
     np.testing.assert_array_equal(evaluate(number), np.full(9, number))
 
 
+@settings(deadline=None)
 @given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3, 3))
 def test_chained_comparison_is_the_conjunction(a, b, c):
     chained = evaluate(f"({a}) < x <= ({b}) != ({c})")
@@ -128,6 +130,7 @@ def test_refused_in_one_sentence_that_says_what_is_allowed(text, reason):
     assert len(message) < 500
 
 
+@settings(deadline=None)
 @given(st.text(alphabet="xLTpi01259.e+-*/%<>=!&|^~()[]{},:;'\"\\ \nsumforinrange", max_size=40))
 def test_any_text_gives_real_numbers_or_one_sentence(text):
     try:
