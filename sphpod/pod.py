@@ -1,4 +1,4 @@
-"""Proper orthogonal decomposition: the modes that represent a set of snapshots best (section 2.3)."""
+"""Proper orthogonal decomposition: the modes that represent snapshots best (section 2.3)."""
 
 from collections.abc import Mapping
 

@@ -257,11 +257,10 @@ def _quadratic_tensor(density_modes, stretch):
     """T[q ≤ r, (p, m)]: the matrix C is Σ T b_q b_r, as ρ² is quadratic in b."""
     kr = len(density_modes)
     pairs = [(q, r) for q in range(kr) for r in range(q, kr)]
-    products = np.array(
-        [(1 if q == r else 2) * density_modes[q] * density_modes[r] for q, r in pairs]
-    )
+    twice = np.array([1 if q == r else 2 for q, r in pairs])
+    products = np.array([density_modes[q] * density_modes[r] for q, r in pairs])
     matrices = (density_modes[:, None, :] * stretch[None, :, :]).reshape(-1, stretch.shape[1])
-    return products @ matrices.T
+    return (twice[:, None] * products) @ matrices.T
 
 
 def _padded(array, both=False):
@@ -281,12 +280,8 @@ def expand(coordinates, modes, field):
     for m in range(0, coordinates.size, 4):
         c0, c1, c2, c3 = coordinates[m], coordinates[m + 1], coordinates[m + 2], coordinates[m + 3]
         for i in range(field.size):
-            field[i] += (
-                c0 * modes[m, i]
-                + c1 * modes[m + 1, i]
-                + c2 * modes[m + 2, i]
-                + c3 * modes[m + 3, i]
-            )
+            field[i] += c0 * modes[m, i] + c1 * modes[m + 1, i]
+            field[i] += c2 * modes[m + 2, i] + c3 * modes[m + 3, i]
 
 
 @compiled_sums

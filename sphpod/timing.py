@@ -1,0 +1,169 @@
+"""CPU time of full and reduced models, measured so that they can be compared.
+
+All contenders run in one process that has the machine to itself, with one BLAS thread. Each is
+compiled and warmed up first, then they take turns, so that a drift of the machine's speed meets all
+of them alike. The time is the process's own, of the time loop with its outputs alone: what precedes
+it (projection, neighbours, compilation) is not in it.
+"""
+
+import os
+import platform
+import time
+from collections.abc import Callable, Mapping, Sequence
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from sphpod import sph
+from sphpod.kernel import neighbour_lists
+from sphpod.rom import ReducedModel, freeze_steps
+from sphpod.scene import Scene
+
+Run = Callable[[np.ndarray, np.ndarray], object]
+
+
+def acceleration_contenders(n_freeze: Sequence[int]) -> list[str]:
+    """Methods of an acceleration study (section 2.4), by falling number of operations."""
+    return ["original", "linearized", *(f"frozen{n}" for n in n_freeze)]
+
+
+def compare(
+    scene: Scene,
+    modes: Mapping[str, np.ndarray],
+    mode_counts: Sequence[int],
+    n_freeze: Sequence[int],
+    repeats: int,
+) -> dict[str, np.ndarray]:
+    """CPU time of full SPH, with neighbour lists and with one stencil, and of the reduced models.
+
+    Parameters
+    ----------
+    scene : Scene
+    modes : dict
+        velocity_modes, density_modes (one a row).
+    mode_counts, n_freeze : ints
+        Modes for velocity and density each, or all there are; numbers of frozen steps.
+    repeats : int
+
+    Returns
+    -------
+    dict
+        contender, contender_mode_count (0 for full models), n_freeze (0 where nothing is frozen),
+        each of shape (contenders,); cpu_seconds (contenders, repeats) [s].
+    """
+    steps = scene.error_steps
+    full = np.empty((2, steps.size, scene.particle_count))
+    runs: list[tuple[str, int, Callable[[], object]]] = []
+    for name, neighbours in (("sph_neighbour_lists", "lists"), ("sph_stencil", "stencil")):
+        run: Run = sph.prepare(scene, steps, neighbours)
+        runs.append((name, 0, _call(run, full[0], full[1])))
+    for count in mode_counts:
+        chosen = modes["velocity_modes"][:count], modes["density_modes"][:count]
+        kept = tuple(np.empty((steps.size, len(rows))) for rows in chosen)
+        for method in acceleration_contenders(n_freeze):
+            run = ReducedModel(scene, method, *chosen).prepare(steps)
+            runs.append((method, count, _call(run, *kept)))
+    names = [name for name, _, _ in runs]
+    return {
+        "contender": np.array(names),
+        "contender_mode_count": np.array([count for _, count, _ in runs]),
+        "n_freeze": np.array(
+            [0 if name.startswith("sph") else freeze_steps(name) for name in names]
+        ),
+        "cpu_seconds": measure([run for _, _, run in runs], repeats),
+    }
+
+
+def compare_steps(scene: Scene, step_count: int, repeats: int) -> dict[str, np.ndarray]:
+    """CPU time of explicit Euler steps of full SPH, compiled and as a scipy.sparse loop.
+
+    Returns
+    -------
+    dict
+        contender (sph_sparse_loop, sph_neighbour_lists, sph_stencil); step_seconds
+        (contenders, repeats), CPU time a step [s].
+    """
+    steps = np.array([0, step_count])
+    kept = np.empty((2, 2, scene.particle_count))
+    runs = {
+        "sph_sparse_loop": lambda: sparse_loop(scene, step_count),
+        "sph_neighbour_lists": _call(sph.prepare(scene, steps, "lists"), *kept),
+        "sph_stencil": _call(sph.prepare(scene, steps, "stencil"), *kept),
+    }
+    return {
+        "contender": np.array(list(runs)),
+        "step_seconds": measure(list(runs.values()), repeats) / step_count,
+    }
+
+
+def sparse_loop(scene: Scene, step_count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Explicit Euler of full SPH as a plain loop over scipy.sparse products, to compare with.
+
+    Returns
+    -------
+    velocity, density : arrays, shape (N,)
+        After ``step_count`` steps of an undamped scene without force.
+    """
+    from scipy.sparse import csr_array
+
+    count = scene.particle_count
+    first, neighbours, gradients = neighbour_lists(
+        scene.positions, np.full(count, scene.spacing), scene.smoothing_length, scene.domain_length
+    )
+    index = neighbours.astype(np.int32), first.astype(np.int32)
+    gradient = csr_array((gradients, *index), shape=(count, count))
+    velocity, density = scene.velocity0(), scene.density0()
+    density0, modulus, dt = density.copy(), scene.modulus(), scene.time_step
+    for _ in range(step_count):
+        stress = modulus * (1 - density0 / density)
+        stretching = gradient @ velocity
+        velocity = velocity - dt / density0 * (gradient @ stress)
+        density = density - dt * density**2 / density0 * stretching
+    return velocity, density
+
+
+def measure(runs: Sequence[Callable[[], object]], repeats: int) -> np.ndarray:
+    """Process time [s] of each run, taken in turns after one warm-up of each.
+
+    Returns
+    -------
+    array, shape (runs, repeats)
+    """
+    seconds = np.empty((len(runs), repeats))
+    with threadpool_limits(limits=1):
+        for run in runs:
+            run()
+        for repeat in range(repeats):
+            for n, run in enumerate(runs):
+                start = time.process_time()
+                run()
+                seconds[n, repeat] = time.process_time() - start
+    return seconds
+
+
+def machine() -> dict[str, Any]:
+    """What the times were measured on: processor, cores, system, and versions of what computes."""
+    return {
+        "processor": _processor(),
+        "cores": os.cpu_count(),
+        "system": f"{platform.system()} {platform.machine()}",
+        "python": platform.python_version(),
+        "numpy": version("numpy"),
+        "numba": version("numba"),
+        "blas_threads": 1,
+    }
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            names = [line.partition(":")[2].strip() for line in file if "model name" in line]
+        return names[0]
+    except (OSError, IndexError):
+        return platform.processor() or "unknown"
+
+
+def _call(run: Run, velocity: np.ndarray, density: np.ndarray) -> Callable[[], object]:
+    return lambda: run(velocity, density)
