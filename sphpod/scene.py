@@ -93,9 +93,9 @@ class Scene:
             return expression(key, settings[key], "x") if key in settings else None
 
         force = settings.get("force")
-        time, shape = (
-            (force["time"], force.get("profile")) if isinstance(force, dict) else (force, None)
-        )
+        parts = {f"force.{k}": v for k, v in force.items()} if isinstance(force, dict) else {}
+        time = parts.get("force.time", None if parts else force)
+        shape = parts.get("force.profile")
         return cls(
             name=name,
             domain_length=float(settings["domain_length"]),
@@ -109,8 +109,10 @@ class Scene:
             initial_density=profile("initial_density"),
             youngs_modulus=profile("youngs_modulus"),
             damping=profile("damping"),
-            force_time=None if time is None else expression("force", time, "t"),
-            force_profile=None if shape is None else expression("force profile", shape, "x"),
+            force_time=(
+                None if time is None else expression("force.time" if parts else "force", time, "t")
+            ),
+            force_profile=None if shape is None else expression("force.profile", shape, "x"),
         )
 
     @property
@@ -255,13 +257,14 @@ def check(scene: Scene) -> None:
         times = scene.error_times
         _check_values(scene, "force", scene.force_time(t=times), times, refuse, "t")
         if scene.force_profile is not None:
-            _check_values(scene, "force profile", scene.force_profile(x=fine), fine, refuse)
+            _check_values(scene, "force.profile", scene.force_profile(x=fine), fine, refuse)
     growth = stability.growth_factor(scene)
     if not growth <= GROWTH_LIMIT:
+        factor = f"{growth:.3g}" if np.isfinite(growth) else "more than 1e308"
         refuse(
             "time_step",
             f"{scene.time_step:g}",
-            f"explicit Euler would let the fastest wave grow by {growth:.3g} over the duration; "
+            f"explicit Euler would let the fastest wave grow by {factor} over the duration; "
             f"at most {GROWTH_LIMIT:g} is allowed, which a time step of "
             f"{stability.largest_time_step(scene, GROWTH_LIMIT):.3g} or less keeps",
         )
@@ -278,7 +281,7 @@ def _check_values(scene, key, values, points, refuse, variable="x"):
         refuse(
             key,
             getattr(
-                scene, {"force": "force_time", "force profile": "force_profile"}.get(key, key)
+                scene, {"force": "force_time", "force.profile": "force_profile"}.get(key, key)
             ).text,
             f"it is not finite at {variable} = {points[bad[0]]:g}",
         )

@@ -78,7 +78,9 @@ def largest_time_step(scene, growth):
     """Largest explicit Euler step [s] under which no wave grows by more than ``growth`` over T."""
     low, high = 0.0, scene.time_step
     while growth_factor(scene, high) <= growth:
-        low, high = high, 2 * high
+        if high >= scene.duration:
+            return scene.duration
+        low, high = high, min(2 * high, scene.duration)
     for _ in range(60):
         middle = (low + high) / 2
         low, high = (middle, high) if growth_factor(scene, middle) <= growth else (low, middle)

@@ -1,0 +1,35 @@
+"""Relative errors, of fields and of reduced coordinates."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from sphpod import error
+
+
+def test_definition_over_more_rows_than_a_block():
+    rng = np.random.default_rng(0)
+    a, b = rng.standard_normal((2, 1300, 7))
+    expected = np.sqrt(((a - b) ** 2).sum() / (b**2).sum())
+    assert error.relative_error(a, b) == pytest.approx(expected, rel=1e-14)
+
+
+@given(st.integers(1, 6), st.integers(1, 6), st.integers(0, 2**32 - 1), st.integers(0, 12))
+def test_reduced_coordinates_have_the_error_of_their_field(k, more, seed, digits):
+    """However small the error is: nothing cancels."""
+    rng = np.random.default_rng(seed)
+    modes = np.linalg.qr(rng.standard_normal((20, k + more)))[0].T
+    coordinates = rng.standard_normal((600, k))
+    size = 10.0**-digits
+    field = coordinates @ modes[:k] + size * rng.standard_normal((600, 20))
+    reduced = coordinates + size * rng.standard_normal((600, k))
+    direct = error.relative_error(reduced @ modes[:k], field)
+    projected = error.project(field, modes).relative_error(reduced)
+    assert projected == pytest.approx(direct, rel=1e-3 if digits > 10 else 1e-6)
+
+
+def test_what_is_not_finite_has_an_infinite_error():
+    projection = error.project(np.ones((3, 4)), np.eye(4)[:2])
+    for value in (np.nan, np.inf, 1e300):
+        assert projection.relative_error(np.full((3, 1), value)) == np.inf

@@ -1,0 +1,118 @@
+"""Scenes, and what theory says of them before a run."""
+
+import numpy as np
+import pytest
+from scenes import VARIED, scene
+
+from sphpod import scene as scenes
+from sphpod import sph, stability
+
+
+def test_particles_steps_and_errors():
+    case = scene(duration=2, particle_count=50, time_step=4e-3, error_interval=0.02)
+    assert case.spacing == 0.02
+    assert case.positions[[0, -1]].tolist() == [0, 0.98]
+    assert case.step_count == 500
+    assert case.error_stride == 5
+    np.testing.assert_allclose(case.error_times, np.arange(101) * 0.02)
+
+
+def test_interface_mean_averages_only_where_the_modulus_jumps():
+    jump = {"youngs_modulus": "where(0 < x <= L/2, 0.1, 0.2)"}
+    printed, mean = scene(**jump).modulus(), scene(**jump, interface="mean").modulus()
+    changed = np.flatnonzero(printed != mean)
+    assert changed.tolist() == [0, 20]
+    np.testing.assert_allclose(mean[changed], 0.15)
+
+
+def test_what_a_scene_lacks_is_empty():
+    case = scene()
+    assert case.damping_values().size == 0
+    assert scene(damping=0).damping_values().size == 0
+    assert all(part.size == 0 for part in case.force_values(case.error_times))
+
+
+@pytest.mark.parametrize("changes", [{}, {"smoothing_ratio": 1.7}, VARIED | {"damping": 0}])
+def test_fastest_wave_bounds_the_spectrum_closely(changes):
+    case = scene(**changes)
+    from sphpod.kernel import derivative, stencil_weights
+
+    g = derivative(np.eye(case.particle_count), stencil_weights(case.spacing, case.smoothing_ratio))
+    scaled = g * np.sqrt(case.modulus()) / np.sqrt(case.density0())[:, None]
+    largest = np.linalg.norm(scaled, 2)
+    assert largest * (1 - 1e-9) <= stability.fastest_wave(case) <= 1.35 * largest
+
+
+def test_growth_factor_is_what_the_fastest_wave_does():
+    """The fastest wave of a uniform scene, in a run of full SPH."""
+    case = scene(particle_count=40, duration=2, time_step=4e-3, error_interval=0.02)
+    angles = np.arange(21) * 2 * np.pi / 40
+    from sphpod.kernel import stencil_weights
+
+    weights = stencil_weights(case.spacing, case.smoothing_ratio)
+    symbol = 2 * sum(w * np.sin((k + 1) * angles) for k, w in enumerate(weights))
+    wave = int(np.argmax(np.abs(symbol)))
+    seeded = scene(
+        initial_velocity=f"1e-9*cos(2*pi*{wave}*x/L)",
+        duration=2,
+        time_step=4e-3,
+        error_interval=0.02,
+    )
+    result = sph.solve(seeded, seeded.error_steps)
+    strain = 1 / result["density"] - 1
+    energy = (result["velocity"] ** 2).sum(axis=1) + 0.1 * (strain**2).sum(axis=1)
+    measured = np.sqrt(energy[-1] / energy[0])
+    assert stability.growth_factor(case) == pytest.approx(measured, rel=0.02)
+
+
+def test_largest_time_step_keeps_the_growth():
+    case = scene()
+    step = stability.largest_time_step(case, 1e6)
+    assert stability.growth_factor(case, step) <= 1e6 < stability.growth_factor(case, 1.01 * step)
+
+
+def test_damping_beyond_its_limit_grows():
+    calm = scene(damping=1900, time_step=1e-3)
+    stiff = scene(damping=2100, time_step=1e-3)
+    assert stability.growth_factor(calm) == pytest.approx(1)
+    assert stability.growth_factor(stiff) > 1e6
+
+
+REFUSED = {
+    "particle_count": ({"particle_count": 4}, "particle_count = 4: at least 5"),
+    "time_step": ({"time_step": 0}, "time_step = 0: it must be a positive"),
+    "duration": ({"duration": 1.0005}, "duration = 1.0005: it must be a whole number of time"),
+    "interval": ({"error_interval": 0.03}, "error_interval = 0.03: the duration 1 must be"),
+    "between": ({"error_interval": 0.0025}, "error_interval = 0.0025: it must be a whole number"),
+    "wrap": ({"smoothing_ratio": 11}, "smoothing_ratio = 11: .* at most 10 is possible"),
+    "alone": ({"smoothing_ratio": 0.5}, "smoothing_ratio = 0.5: it must be above 0.5"),
+    "density": ({"initial_density": "cos(2*pi*x)"}, r"initial_density = cos\(2\*pi\*x\): it is -1"),
+    "modulus": ({"youngs_modulus": "x"}, "youngs_modulus = x: it is 0 at x = 0"),
+    "damping": ({"damping": "x - 0.5"}, "damping = x - 0.5: it is -0.5 at x = 0"),
+    "velocity": ({"initial_velocity": "1/x"}, "initial_velocity = 1/x: it is not finite at x = 0"),
+    "force": ({"force": "1/t"}, "force = 1/t: it is not finite at t = 0"),
+    "growth": (
+        {"time_step": 0.05, "error_interval": 0.05, "youngs_modulus": 10},
+        "time_step = 0.05",
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "message"), REFUSED.values(), ids=REFUSED)
+def test_hopeless_scenes_are_refused_in_one_sentence(changes, message):
+    with pytest.raises(ValueError, match=f"^scene bad: {message}") as refusal:
+        scenes.check(scene("bad", **changes))
+    assert "\n" not in str(refusal.value)
+
+
+def test_a_refused_step_is_told_the_factor_and_the_largest_that_would_do():
+    bad = scene("bad", time_step=0.05, error_interval=0.05, youngs_modulus=10)
+    with pytest.raises(ValueError, match="grow by") as refusal:
+        scenes.check(bad)
+    step = float(str(refusal.value).split("which a time step of ")[1].split()[0])
+    assert stability.growth_factor(bad, step * 0.99) <= 1e6
+
+
+def test_sound_scenes_pass():
+    for changes in ({}, VARIED, {"smoothing_ratio": 10}, {"particle_count": 5}):
+        scenes.check(scene(**changes))
