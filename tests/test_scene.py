@@ -67,8 +67,13 @@ def test_growth_factor_is_what_the_fastest_wave_does():
 
 def test_largest_time_step_keeps_the_growth():
     case = scene()
-    step = stability.largest_time_step(case, 1e6)
-    assert stability.growth_factor(case, step) <= 1e6 < stability.growth_factor(case, 1.01 * step)
+    step = stability.largest_time_step(case, 5)
+    assert stability.growth_factor(case, step) <= 5 < stability.growth_factor(case, 1.01 * step)
+
+
+def test_a_scene_that_no_step_can_spoil_may_take_its_duration_in_one():
+    case = scene(youngs_modulus=1e-6)
+    assert stability.largest_time_step(case, 1e6) == case.duration
 
 
 def test_damping_beyond_its_limit_grows():
