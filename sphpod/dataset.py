@@ -1,7 +1,8 @@
 """Named, self-describing NetCDF files: the only module that writes data.
 
-In memory a dataset is a plain ``dict`` of numpy arrays; `VARIABLES` says what each name means. Files
-are written whole or not at all, and the same arrays and attributes always give the same bytes.
+In memory a dataset is a plain ``dict`` of numpy arrays; `VARIABLES` says what each name
+means. Files are written whole or not at all, and the same arrays and attributes always give the
+same bytes.
 """
 
 import json
@@ -82,7 +83,9 @@ def _fields() -> dict[str, Variable]:
 VARIABLES = _fields() | {
     "t": Variable(("t",), "s", "time"),
     "x": Variable(("x",), "m", "position of the particles at rest"),
-    "error_sample": Variable(("t",), "1", "1 where the time belongs to the error integral", np.int8),
+    "error_sample": Variable(
+        ("t",), "1", "1 where the time belongs to the error integral", np.int8
+    ),
     "solution": Variable(("solution",), "", "solution whose error is given", str),
     "reference": Variable(("reference",), "", "solution that the error is taken against", str),
     "mode_count": Variable(("mode_count",), "1", "modes kept for velocity and density", np.int32),
@@ -131,7 +134,9 @@ def write(
     sizes: dict[str, int] = {}
     for name, values in arrays.items():
         if name not in VARIABLES:
-            raise KeyError(f"no variable is named {name!r}; sphpod.dataset.VARIABLES lists them all")
+            raise KeyError(
+                f"no variable is named {name!r}; sphpod.dataset.VARIABLES lists them all"
+            )
         dims = VARIABLES[name].dims
         shape = np.shape(values)
         if len(shape) != len(dims) or any(
@@ -177,6 +182,25 @@ def read(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndarray]:
             name: file[name][...].astype(str) if VARIABLES[name].dtype is str else file[name][...]
             for name in names or file.variables
         }
+
+
+def read_samples(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndarray]:
+    """As `read`, but of the times only those of the error integral, without ``error_sample``.
+
+    A full solution holds snapshot times too; in a file without ``error_sample`` all times count.
+    """
+    with netCDF4.Dataset(path) as file:
+        marked = "error_sample" in file.variables
+    arrays = read(path, *names, *(["error_sample"] if marked and names else []))
+    if not marked:
+        return arrays
+    samples = arrays.pop("error_sample").astype(bool)
+    if samples.all():
+        return arrays
+    return {
+        name: values[samples] if VARIABLES[name].dims[0] == "t" else values
+        for name, values in arrays.items()
+    }
 
 
 def settings(path: str | os.PathLike[str]) -> dict[str, Any]:

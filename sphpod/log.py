@@ -14,7 +14,10 @@ def start(path: str | os.PathLike[str]) -> None:
     """
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     logging.basicConfig(
-        filename=path, filemode="w", level=logging.INFO, format="%(levelname)s %(name)s: %(message)s"
+        filename=path,
+        filemode="w",
+        level=logging.INFO,
+        format="%(levelname)s %(name)s: %(message)s",
     )
     logging.captureWarnings(True)
     sys.excepthook = _report

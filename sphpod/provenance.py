@@ -1,43 +1,39 @@
-"""Which code a result depends on: a digest of the modules that computed it.
+"""Which code a result depends on: a digest of all that a script imports from this package.
 
-A rule of the workflow stores the digest of the modules that its script uses. It changes with their
-code and with the code of everything they import from this package, but not with a comment, a
-docstring or the layout of a line; so exactly the results that an edit may have changed are redone.
+A rule of the workflow keeps the digest of its script as a parameter. It changes with the code of
+the modules that the script imports, directly or not, but not with a comment, a docstring or the
+layout of a line; so exactly the results that an edit may have changed are made anew.
 """
 
 import ast
 import functools
 import hashlib
+import os
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent
 
 
-def digest(*modules: str) -> str:
-    """Digest of the code of modules of this package, named without it, and of all they import.
+def digest(script: str | os.PathLike[str]) -> str:
+    """Digest of the code of all modules of this package that a script imports.
 
-    Raises
-    ------
-    ValueError
-        For a module that the package does not have.
+    The script itself is left out: Snakemake watches it.
     """
-    if unknown := [module for module in modules if not _source(module).is_file()]:
-        raise ValueError(f"sphpod has no module named {', '.join(unknown)}")
-    names = closure(*modules)
-    return hashlib.sha256("\n".join(map(_fingerprint, names)).encode()).hexdigest()[:16]
+    code = "\n".join(map(_fingerprint, closure(script)))
+    return hashlib.sha256(code.encode()).hexdigest()[:16]
 
 
-def closure(*modules: str) -> tuple[str, ...]:
-    """Modules of this package that `modules` import, directly or not, themselves among them.
+def closure(script: str | os.PathLike[str]) -> tuple[str, ...]:
+    """Names of the modules of this package that a script imports, directly or not, in order.
 
-    Imports count wherever they stand, those inside a function too.
+    Imports count wherever they stand, those inside a function too. The package itself, imported
+    before any of its modules, is ``__init__``.
     """
-    found: set[str] = set()
-    pending = {"__init__", *modules}
+    found = set()
+    pending = set(_imports(Path(script)))
     while pending:
-        module = pending.pop()
-        found.add(module)
-        pending |= _imports(module) - found
+        found.add(module := pending.pop())
+        pending |= _imports(_source(module)) - found
     return tuple(sorted(found))
 
 
@@ -46,35 +42,37 @@ def _source(module: str) -> Path:
 
 
 @functools.cache
-def _tree(module: str) -> ast.Module:
-    return ast.parse(_source(module).read_text(encoding="utf-8"))
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 @functools.cache
-def _imports(module: str) -> frozenset[str]:
-    """Modules of this package that a module imports itself."""
+def _imports(path: Path) -> frozenset[str]:
+    """Modules of this package that a file imports itself."""
     package = PACKAGE.name
     names = set()
-    for node in ast.walk(_tree(module)):
+    for node in ast.walk(_tree(path)):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
             parent = node.module or ""
             if node.level:
-                parent = f"{package}.{parent}" if parent else package
-            names.add(parent)
+                parent = f"{package}.{parent}".removesuffix(".")
             # What `from sphpod import name` brings in may be a module or an attribute.
-            names |= {f"{parent}.{alias.name}" for alias in node.names}
+            names |= {parent, *(f"{parent}.{alias.name}" for alias in node.names)}
     inside = {name.removeprefix(f"{package}.") for name in names if name.startswith(f"{package}.")}
-    return frozenset(name for name in inside if _source(name).is_file())
+    modules = {name for name in inside if _source(name).is_file()}
+    return frozenset(modules | {"__init__"} if modules or package in names else ())
 
 
 @functools.cache
 def _fingerprint(module: str) -> str:
     """The code of a module, and the data files beside it that it names, as text."""
-    tree = _tree(module)
+    tree = _tree(_source(module))
     texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
-    data = sorted(p for p in PACKAGE.glob("*.*") if p.suffix != ".py" and p.name in texts)
+    data = sorted(
+        path for path in PACKAGE.glob("*.*") if path.suffix != ".py" and path.name in texts
+    )
     contents = (hashlib.sha256(path.read_bytes()).hexdigest() for path in data)
     return "\n".join((module, _structure(tree), *contents))
 
@@ -82,15 +80,18 @@ def _fingerprint(module: str) -> str:
 def _structure(node: object) -> str:
     """The syntax tree as text, without docstrings, positions and what is empty.
 
-    `ast.dump` would do but for the empty fields, which differ between versions of Python.
+    `ast.dump` would do, but what it says of empty fields depends on the version of Python.
     """
     if isinstance(node, list):
         return f"[{','.join(map(_structure, node))}]"
     if not isinstance(node, ast.AST):
         return repr(node)
     fields = dict(ast.iter_fields(node))
-    if isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-        if ast.get_docstring(node, clean=False) is not None:
-            fields["body"] = node.body[1:]
-    parts = (f"{name}={_structure(value)}" for name, value in fields.items() if value not in (None, []))
+    if (
+        isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
+        and ast.get_docstring(node, clean=False) is not None
+    ):
+        fields["body"] = node.body[1:]
+    filled = {name: value for name, value in fields.items() if value not in (None, [])}
+    parts = (f"{name}={_structure(value)}" for name, value in filled.items())
     return f"{type(node).__name__}({','.join(parts)})"

@@ -1,0 +1,20 @@
+"""The paper, rebuilt: scenes are solved, reduced, timed, compared and drawn.
+
+snakemake --cores 2                                     all that config/config.yaml asks for
+snakemake --cores 2 --configfile config/small.yaml      another configuration instead
+snakemake --cores 2 results/damped/uniform12/pod.nc     one result, and the ancestors it lacks
+"""
+
+
+include: "workflow/rules/common.smk"
+include: "workflow/rules/solve.smk"
+include: "workflow/rules/reduce.smk"
+include: "workflow/rules/benchmark.smk"
+include: "workflow/rules/report.smk"
+
+
+rule all:
+    default_target: True
+    input:
+        expand("<figures>/{name}.{form}", name=FIGURES, form=["pdf", "png"]),
+        "<results>/cpu_time.csv",

@@ -1,0 +1,205 @@
+"""The configuration, and what the rules ask of it."""
+
+import os
+import re
+import sys
+from pathlib import Path
+
+import numpy as np
+
+from sphpod import exact, provenance, snapshots
+from sphpod.config import ConfigError, check_modes, load, parse_modes
+from sphpod.kernel import derivative_coefficient
+from sphpod.scene import PHYSICS_KEYS, Scene
+
+ROOT = Path(workflow.basedir)
+
+# The package beside this workflow, whose code the digests name, goes before any installed one.
+os.environ.update(PYTHONPATH=f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
+
+
+def stop(sentence):
+    """End the run before its first job with one sentence, not with a traceback."""
+    sys.exit(f"sphpod: {sentence}")
+
+
+try:
+    # A configuration that is asked for replaces the paper's; `configfile:` would merge the two.
+    CONFIG = load(
+        workflow.overwrite_configfiles or [ROOT / "config/config.yaml"],
+        ROOT / "workflow/schemas/config.schema.yaml",
+        workflow.config_settings.config,
+    )
+except ConfigError as error:
+    stop(error)
+
+OUTPUT = Path(CONFIG["output"])
+SCENES = CONFIG["scenes"]
+FIGURES = {figure["name"]: figure for figure in CONFIG["illustrations"]} | {
+    figure["name"]: {"scene": name, "section": scene["section"], **figure}
+    for name, scene in SCENES.items()
+    for figure in scene["figures"]
+}
+
+
+pathvars:
+    results=str(OUTPUT / "results"),
+    figures=str(OUTPUT / "figures"),
+    logs=str(OUTPUT / "results/logs"),
+
+
+wildcard_constraints:
+    scene="[^/]+",
+    kind="[^/]+",
+    sampling="[^/]+",
+    method="[^/]+",
+    modes="[^/]+",
+    name="[^/]+",
+
+
+# What results exist --------------------------------------------------------------------------------
+
+
+def references(scene):
+    """References of a scene; errors are quoted against the first."""
+    return [f"<results>/{scene}/reference_{kind}.nc" for kind in SCENES[scene]["references"]]
+
+
+def sweep(scene, sampling):
+    """The original reduced model for all mode counts of a sampling."""
+    modes = SCENES[scene]["samplings"][sampling]["mode_counts"]
+    return f"<results>/{scene}/{sampling}/original/k{modes}.nc"
+
+
+def studies(file):
+    """A file of every acceleration study."""
+    return [
+        f"<results>/{name}/{sampling}/{file}"
+        for name, scene in SCENES.items()
+        for sampling in scene["acceleration"]
+    ]
+
+
+# What a rule passes to its script ------------------------------------------------------------------
+
+
+def code(script):
+    """Digest of the code that a script uses, so that what other code has made is made anew."""
+    return provenance.digest(ROOT / "workflow/scripts" / script)
+
+
+def physics(wildcards):
+    """Settings that the solutions of a scene depend on; samplings and figures are not among them."""
+    scene = SCENES[wildcards.scene]
+    return {key: scene[key] for key in PHYSICS_KEYS if key in scene}
+
+
+def sampling_settings(wildcards):
+    sampling = SCENES[wildcards.scene]["samplings"][wildcards.sampling]
+    return {key: value for key, value in sampling.items() if key != "mode_counts"}
+
+
+def study_settings(wildcards):
+    return SCENES[wildcards.scene]["acceleration"][wildcards.sampling]
+
+
+def snapshot_steps(wildcards):
+    """Time steps of snapshots beside those of the error integral."""
+    scene = Scene.from_settings(wildcards.scene, physics(wildcards))
+    steps = snapshots.output_steps(scene, SCENES[wildcards.scene]["samplings"].values())
+    return np.setdiff1d(steps, scene.error_steps).tolist()
+
+
+def figure_options(wildcards):
+    """Arguments of the plotting function of a figure that are not inputs."""
+    figure = FIGURES[wildcards.name]
+    options = {key: figure[key] for key in ("fields", "position") if key in figure}
+    if figure["kind"] in ("error", "acceleration"):
+        options["reference"] = SCENES[figure["scene"]]["references"][0]
+    if figure["kind"] == "phase":
+        options["beta"] = derivative_coefficient(SCENES[figure["scene"]]["smoothing_ratio"])
+    return options
+
+
+# Inputs without a file, which check what a target names before any job starts ----------------------
+
+
+def known(what, name, names):
+    if name not in names:
+        stop(f"{what} = {name}: allowed are {', '.join(names)}")
+    return []
+
+
+def known_scene(wildcards):
+    return known("scene", wildcards.scene, SCENES)
+
+
+def known_reference(wildcards):
+    known_scene(wildcards)
+    exists = exact.kind(Scene.from_settings(wildcards.scene, physics(wildcards)))
+    kinds = ["fd", "centred", *(["exact"] if exists else [])]
+    kinds += ["modified"] if exists == "dalembert" else []
+    return known(f"scene {wildcards.scene}: reference", wildcards.kind, kinds)
+
+
+def known_sampling(wildcards):
+    known_scene(wildcards)
+    samplings = SCENES[wildcards.scene]["samplings"]
+    return known(f"scene {wildcards.scene}: sampling", wildcards.sampling, samplings)
+
+
+def known_study(wildcards):
+    known_scene(wildcards)
+    studies = SCENES[wildcards.scene]["acceleration"]
+    return known(f"scene {wildcards.scene}: acceleration", wildcards.sampling, studies)
+
+
+def known_reduced_model(wildcards):
+    known_sampling(wildcards)
+    if not re.fullmatch(r"original|linearized|frozen[1-9]\d*", wildcards.method):
+        allowed = "original, linearized, and frozen1, frozen2, …"
+        stop(f"scene {wildcards.scene}: method = {wildcards.method}: allowed are {allowed}")
+    try:
+        check_modes(CONFIG, wildcards.scene, wildcards.sampling, wildcards.modes)
+    except ConfigError as error:
+        stop(error)
+    return []
+
+
+def figure_inputs(wildcards):
+    """What a figure shows, named as the arguments of its plotting function."""
+    known("figure", wildcards.name, FIGURES)
+    figure = FIGURES[wildcards.name]
+    scene, sampling = figure.get("scene"), figure.get("sampling")
+    of_scene, of_sampling = f"<results>/{scene}", f"<results>/{scene}/{sampling}"
+    match figure["kind"]:
+        case "profile":
+            return {"solution": references(scene)[0]}
+        case "initial_spectrum":
+            return {"solution": f"{of_scene}/sph.nc"}
+        case "phase":
+            return {
+                "sph": f"{of_scene}/sph.nc",
+                "exact": f"{of_scene}/reference_exact.nc",
+                "modified": f"{of_scene}/reference_modified.nc",
+            }
+        case "modes":
+            return {"pod": f"{of_sampling}/pod.nc"}
+        case "error":
+            return {
+                "pod": f"{of_sampling}/pod.nc",
+                "sweep": sweep(scene, sampling),
+                "errors": f"{of_scene}/errors.nc",
+            }
+        case "acceleration":
+            return {
+                "acceleration": f"{of_sampling}/acceleration.nc",
+                "cpu_time": f"{of_sampling}/cpu_time.nc",
+                "errors": f"{of_scene}/errors.nc",
+            }
+    return {}
+
+
+def figure_category(wildcards):
+    section = FIGURES[wildcards.name]["section"]
+    return f"Section {section}" if section[:1].isdigit() else section

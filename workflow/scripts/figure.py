@@ -1,0 +1,10 @@
+"""Draw a figure: its inputs and options are the arguments of the plotting function of its kind."""
+
+from sphpod import dataset, log, plotting
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    draw = getattr(plotting, snakemake.params.kind)
+    arrays = {name: dataset.read_samples(path) for name, path in snakemake.input.items()}
+    figure = draw(**arrays, **snakemake.params.options)
+    plotting.save(figure, snakemake.output.pdf, snakemake.output.png)

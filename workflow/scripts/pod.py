@@ -1,0 +1,14 @@
+"""Find the modes of velocity and density snapshots by proper orthogonal decomposition."""
+
+from sphpod import dataset, log, pod
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    settings = dataset.settings(snakemake.input.snapshots)
+    dataset.write(
+        snakemake.output[0],
+        pod.decompose(dataset.read(snakemake.input.snapshots)),
+        title=f"Modes of the snapshots {settings['sampling']['name']} of {settings['scene']}",
+        settings=settings,
+        code=snakemake.params.code,
+    )

@@ -1,0 +1,17 @@
+"""Take the snapshots of a sampling out of full SPH."""
+
+from sphpod import dataset, log, snapshots
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    settings = dataset.settings(snakemake.input.sph)
+    scene = Scene.from_settings(settings["scene"], settings)
+    sampling = {"name": snakemake.wildcards.sampling, **snakemake.params.sampling}
+    dataset.write(
+        snakemake.output[0],
+        snapshots.extract(scene, sampling, dataset.read(snakemake.input.sph)),
+        title=f"Snapshots {sampling['name']} of full SPH of {scene.name}",
+        settings=settings | {"sampling": sampling},
+        code=snakemake.params.code,
+    )

@@ -1,0 +1,19 @@
+"""Solve full SPH; keep it at the times of the error integral and of all snapshots of the scene."""
+
+import numpy as np
+
+from sphpod import dataset, log, sph
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    name, physics = snakemake.wildcards.scene, snakemake.params.physics
+    scene = Scene.from_settings(name, physics)
+    steps = np.union1d(scene.error_steps, snakemake.params.snapshot_steps).astype(np.int64)
+    dataset.write(
+        snakemake.output[0],
+        sph.solve(scene, steps) | {"error_sample": np.isin(steps, scene.error_steps)},
+        title=f"Full SPH of {name}",
+        settings={"scene": name, **physics},
+        code=snakemake.params.code,
+    )
