@@ -1,0 +1,643 @@
+"""Figures, one function a kind; each takes arrays named as in `sphpod.dataset`, returns a Figure.
+
+Every figure is drawn at its final size with one style sheet, so its text has the size it will have
+in print. Labels are plain Unicode in one font; only the schematic typesets mathematics. That keeps
+drawing cheap and the files small. Captions belong to the configuration, not to the pictures.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import matplotlib.style
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import XAxis, YAxis
+from matplotlib.colors import AsinhNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.patches import Circle
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from sphpod import dataset
+
+Arrays = Mapping[str, np.ndarray]
+Look = Mapping[str, Any]  # keyword arguments of Axes.plot
+
+STYLE = Path(__file__).with_name("style.mplstyle")
+styled = matplotlib.style.context(["default", STYLE])
+
+PAGE_WIDTH = 5.9  # inches: the text width of a one-column journal
+HALF_WIDTH = 3.3
+
+# Okabe and Ito's palette and two darker shades: blues for the velocity, reds for the density.
+BLACK, GREY = "#000000", "#A6A6A6"
+BLUE, SKY, NAVY = "#0072B2", "#56B4E9", "#00324F"
+VERMILLION, ORANGE, BROWN = "#D55E00", "#E69F00", "#7A3500"
+GREEN, PURPLE = "#009E73", "#CC79A7"
+
+ROUNDING = 1e-12
+"""A singular value below this fraction of the first is rounding noise."""
+
+WORST_ERROR = 1e3
+"""A relative error above this, or none at all, only says that the model broke down."""
+
+BREAKDOWN_NOTE = "top edge: error above 10³ or not finite"
+
+FIELDS = ("velocity", "density")
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+@styled
+def save(
+    figure: Figure, pdf_path: str | os.PathLike[str], png_path: str | os.PathLike[str]
+) -> None:
+    """Write a figure as vector PDF and as 300 dpi PNG, each whole or not at all.
+
+    No date and no program name goes into the files: the same figure gives the same bytes.
+    """
+    with dataset.whole(pdf_path) as partial:
+        figure.savefig(partial, format="pdf", metadata={"CreationDate": None})
+    # The layout found for the first file serves both: finding it costs as much as drawing.
+    figure.set_layout_engine("none")
+    with dataset.whole(png_path) as partial:
+        figure.savefig(partial, format="png", metadata={"Software": None})
+
+
+# --- Schematic ------------------------------------------------------------------------------------
+
+
+@styled
+def spring() -> Figure:
+    """Draw mass points, springs and dampers of section 2.1, joined periodically (figure 2.1)."""
+    figure = Figure(figsize=(PAGE_WIDTH, 1.5))
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(-0.5, 8.5), ylim=(-1.3, 0.99), aspect="equal")
+    axes.axis("off")
+    names = ("N − 1", "0", "1", "···", "n", "n + 1", "···", "N − 1", "0")
+    radius = 0.31
+    # A coil, and a piston in its cylinder, along a unit length.
+    along = np.concatenate(([0, 0.14], np.linspace(0.18, 0.82, 9), [0.86, 1]))
+    across = np.concatenate(([0, 0], 0.13 * np.array([1, -1] * 4 + [1]), [0, 0]))
+    for place, name in enumerate(names):
+        if place:
+            start, gap = place - 1 + radius, 1 - 2 * radius
+            axes.plot(start + gap * along, across, color=ORANGE, linewidth=1.1)
+        if name == "···":
+            axes.text(place, 0, name, fontsize=12, ha="center", va="center")
+            continue
+        # Beyond the periodic boundary stand images of the points at the other end: hollow.
+        image = place in (0, len(names) - 1)
+        face, ink = ("white", BLUE) if image else (BLUE, "white")
+        axes.add_patch(Circle((place, 0), radius, facecolor=face, edgecolor=BLUE))
+        axes.text(place, 0, name, color=ink, fontsize=7, ha="center", va="center_baseline")
+        if not image:
+            _draw_damper(axes, place, -radius)
+    for at, height, label in (
+        (3.5, -0.42, "$k_{n-1/2}$"),
+        (4, 0.42, "$m_n$"),
+        (4.5, -0.42, "$k_{n+1/2}$"),
+        (5, 0.42, "$m_{n+1}$"),
+        (4.3, -0.85, "$d_n$"),
+        (5.4, -0.85, "$d_{n+1}$"),
+    ):
+        axes.text(at, height, label, ha="center")
+    for edge in (0.5, 7.5):
+        axes.plot((edge, edge), (-0.45, 0.9), color=GREY, linestyle=":")
+    axes.annotate(
+        "",
+        (0.5, 0.82),
+        (7.5, 0.82),
+        arrowprops={"arrowstyle": "<->", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0},
+    )
+    axes.text(4, 0.82, "one period, $L$", ha="center", va="center", backgroundcolor="white")
+    return figure
+
+
+def _draw_damper(axes: Axes, place: float, top: float) -> None:
+    """Hang a dashpot under a mass point, from `top` down to hatched ground."""
+    look: Look = {"color": BLACK, "linewidth": 0.7, "solid_capstyle": "butt"}
+    half, ground = 0.11, top - 0.78
+    axes.plot((place, place), (top, top - 0.34), **look)
+    axes.plot((place - 0.8 * half, place + 0.8 * half), (top - 0.34, top - 0.34), **look)
+    cylinder = ((place - half, place - half, place + half, place + half),)
+    axes.plot(cylinder[0], (top - 0.22, top - 0.52, top - 0.52, top - 0.22), **look)
+    axes.plot((place, place), (top - 0.52, ground), **look)
+    axes.plot((place - 0.22, place + 0.22), (ground, ground), **look)
+    for stroke in np.linspace(-0.18, 0.22, 5):
+        axes.plot((place + stroke, place + stroke - 0.08), (ground, ground - 0.08), **look)
+
+
+# --- Profiles -------------------------------------------------------------------------------------
+
+
+@styled
+def profile(solution: Arrays, fields: Sequence[str] = ("initial_velocity", "velocity")) -> Figure:
+    """Draw the initial velocity and space-time pictures of a solution (figures 3.1, 3.18, ...).
+
+    Parameters
+    ----------
+    solution
+        `t` [s], evenly spaced from 0, `x` [m], `velocity` [m/s] and, for a picture of it,
+        `density` [kg/m³], both of shape (t, x).
+    fields
+        A panel each, from left to right: `initial_velocity`, `velocity` or `density_change`.
+
+    Raises
+    ------
+    ValueError
+        A field is none of the three.
+    """
+    shown = _shown(len(solution["t"]))
+    figure = Figure(figsize=(PAGE_WIDTH, 2.25), layout="constrained")
+    for axes, field in zip(figure.subplots(1, len(fields), squeeze=False)[0], fields, strict=True):
+        if field == "initial_velocity":
+            _draw_profile(axes, solution["x"], solution["velocity"][0])
+        elif field == "velocity":
+            _draw_picture(axes, solution, solution["velocity"][shown], "velocity v", "m/s")
+        elif field == "density_change":
+            change = solution["density"][shown] - solution["density"][0]
+            _draw_picture(axes, solution, change, "density ρ − ρ₀", "kg/m³")
+        else:
+            raise ValueError(
+                f"a profile shows initial_velocity, velocity or density_change, not {field!r}"
+            )
+        axes.set(xlim=(0, _length(solution["x"])), xlabel="position x [m]")
+    return figure
+
+
+def _shown(count: int, most: int = 601) -> np.ndarray:
+    """Indices of `count` times, thinned to `most` of them, first and last included."""
+    return np.linspace(0, count - 1, min(count, most)).round().astype(int)
+
+
+def _length(x: np.ndarray) -> float:
+    """Length of the periodic domain with particles at x [m]."""
+    return float(x[-1] + x[1] - 2 * x[0])
+
+
+def _unit(values: np.ndarray, unit: str) -> tuple[float, str]:
+    """Power of 1000 that brings the largest value between 0.1 and 100, and the unit it leaves."""
+    largest = np.abs(values).max()
+    exponent = 3 * int(np.floor((np.log10(largest) + 1) / 3)) if largest > 0 else 0
+    return 10.0**-exponent, unit if exponent == 0 else f"{_power_of_ten(exponent)} {unit}"
+
+
+def _power_of_ten(exponent: int) -> str:
+    return "10" + str(exponent).translate(SUPERSCRIPTS)
+
+
+def _short(value: float) -> str:
+    """Two digits, with a power of ten where needed: 0.12, 1.2×10⁻³, 10⁻⁴."""
+    if 0.01 <= value < 100:
+        return f"{value:.2g}"
+    mantissa, exponent = f"{value:.1e}".split("e")
+    power = _power_of_ten(int(exponent))
+    return power if mantissa == "1.0" else f"{mantissa.removesuffix('.0')}×{power}"
+
+
+def _tick(value: float, short: bool) -> str:
+    return _short(value) if short else _power_of_ten(round(np.log10(value)))
+
+
+def _draw_profile(axes: Axes, x: np.ndarray, velocity: np.ndarray) -> None:
+    factor, unit = _unit(velocity, "m/s")
+    axes.axhline(0, color=GREY, linewidth=0.6)
+    # The point at L is the one at 0.
+    axes.plot(np.append(x, _length(x)), factor * np.append(velocity, velocity[0]), color=BLUE)
+    axes.set_ylabel(f"initial velocity v₀ [{unit}]")
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=(1, 2, 5, 10)))
+
+
+def _draw_picture(axes: Axes, solution: Arrays, values: np.ndarray, name: str, unit: str) -> None:
+    factor, unit = _unit(values, unit)
+    values = factor * np.column_stack((values, values[:, 0]))
+    amplitude = np.abs(values).max(axis=1)
+    limit = amplitude.max() or 1.0
+    # A field that soon dies away would leave a blank picture on an even colour scale.
+    fading = np.median(amplitude) < 0.1 * limit
+    linear = limit / 1000
+    norm = AsinhNorm(linear, -limit, limit) if fading else Normalize(-limit, limit)
+    half_cell = (solution["x"][1] - solution["x"][0]) / 2
+    duration = solution["t"][-1]
+    half_step = duration / (len(values) - 1) / 2
+    picture = axes.imshow(
+        values,
+        norm=norm,
+        origin="lower",
+        interpolation_stage="data",  # at most 256 colours: a third of the bytes
+        extent=(
+            -half_cell,
+            _length(solution["x"]) + half_cell,
+            -half_step,
+            duration + half_step,
+        ),
+    )
+    axes.set(ylim=(0, duration), ylabel="time t [s]")
+    bar = axes.figure.colorbar(picture, ax=axes, label=f"{name} [{unit}]", pad=0.03, aspect=18)
+    bar.locator = MaxNLocator(6, steps=(1, 2, 5, 10))
+    bar.outline.set_linewidth(0.6)
+    if fading:
+        powers = 10.0 ** np.arange(np.ceil(np.log10(linear)), np.floor(np.log10(limit)) + 1)
+        ticks = np.concatenate((-powers[::-1], [0], powers))
+        bar.set_ticks(
+            list(ticks), labels=[f"{tick:g}".replace("-", "−") for tick in ticks], minor=False
+        )
+        bar.minorticks_off()
+
+
+# --- Modes ----------------------------------------------------------------------------------------
+
+
+@styled
+def modes(pod: Arrays, count: int = 12) -> Figure:
+    """Draw the first modes of velocity and of density as small multiples (figures 3.2, 3.4, ...).
+
+    Above each panel stand its number and its singular value relative to the first; modes at
+    rounding level are grey.
+
+    Parameters
+    ----------
+    pod
+        `x` [m]; `velocity_modes`, `density_modes` of shape (mode, x) and unit Euclidean norm;
+        `velocity_singular_values`, `density_singular_values`.
+    count
+        Number of modes shown of each, or all there are.
+    """
+    counts = [min(count, len(pod[f"{field}_modes"])) for field in FIELDS]
+    columns = max(counts) if max(counts) <= 5 else 4
+    rows = [-(-number // columns) for number in counts]
+    # Inches: heights of a panel with its title, of what stands below a block, margins of a block.
+    panel, below, left, right, top = 0.85, 0.46, 0.6, 0.06, 0.03
+    height = top + sum(rows) * panel + 2 * below
+    figure = Figure(figsize=(PAGE_WIDTH, height))
+    ceiling = height - top
+    for field, number, row_count in zip(FIELDS, counts, rows, strict=True):
+        floor = ceiling - row_count * panel
+        grid = figure.add_gridspec(
+            row_count,
+            columns,
+            left=left / PAGE_WIDTH,
+            right=1 - right / PAGE_WIDTH,
+            bottom=floor / height,
+            top=(ceiling - 0.28) / height,
+            wspace=0.08,
+            hspace=0.55,
+        )
+        _draw_modes(figure, grid, pod, field, number)
+        middle = (left + PAGE_WIDTH - right) / 2 / PAGE_WIDTH
+        figure.text(middle, (floor - 0.33) / height, "position x [m]", ha="center")
+        level = (floor + ceiling - 0.28) / 2 / height
+        label = f"{field} mode, of unit norm"
+        figure.text(0.06 / PAGE_WIDTH, level, label, rotation=90, va="center")
+        ceiling = floor - below
+    return figure
+
+
+def _draw_modes(figure: Figure, grid: GridSpec, pod: Arrays, field: str, number: int) -> None:
+    x, shapes = pod["x"], pod[f"{field}_modes"][:number]
+    relative = pod[f"{field}_singular_values"][:number] / pod[f"{field}_singular_values"][0]
+    limit = 1.12 * np.abs(shapes[relative >= ROUNDING]).max()
+    colour = {"velocity": BLUE, "density": VERMILLION}[field]
+    length = _length(x)
+    for index, (shape, weight) in enumerate(zip(shapes, relative, strict=True)):
+        row, column = divmod(index, grid.ncols)
+        axes = figure.add_subplot(grid[row, column], xlim=(0, length), ylim=(-limit, limit))
+        axes.axhline(0, color=GREY, linewidth=0.4)
+        axes.plot(
+            np.append(x, length),
+            np.append(shape, shape[0]),
+            color=colour if weight >= ROUNDING else GREY,
+        )
+        ratio = f"σ{str(index + 1).translate(SUBSCRIPTS)}/σ₁ = {_short(weight)}"
+        axes.set_title(f"{field} mode {index + 1}\n{ratio}", y=1, pad=2.5, linespacing=1.05)
+        # Shared axes: ticks, the costly part of a panel, only along the edges of the block.
+        if column == 0:
+            axes.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
+        else:
+            axes.yaxis.set_visible(False)
+        if index + grid.ncols >= number:
+            axes.set_xticks((0, length / 2, length), [f"{at:g}" for at in (0, length / 2, length)])
+            for label, side in zip(
+                axes.get_xticklabels(), ("left", "center", "right"), strict=True
+            ):
+                label.set(horizontalalignment=side)
+        else:
+            axes.xaxis.set_visible(False)
+
+
+# --- Errors ---------------------------------------------------------------------------------------
+
+
+# What is compared, its suffix in a sweep, and the looks of its curves for velocity and density.
+COMPARISONS: tuple[tuple[str, str, Look, Look], ...] = (
+    (
+        "POD against SPH",
+        "sph",
+        {"color": BLUE, "linestyle": "-", "marker": "o", "markersize": 2.5},
+        {"color": VERMILLION, "linestyle": "-", "marker": "s", "markersize": 2.5},
+    ),
+    (
+        "POD against reference",
+        "reference",
+        {"color": SKY, "linestyle": "--", "marker": "^", "markersize": 5, "fillstyle": "none"},
+        {"color": ORANGE, "linestyle": "--", "marker": "D", "markersize": 4.5, "fillstyle": "none"},
+    ),
+    (
+        "SPH against reference",
+        "",
+        {"color": NAVY, "linestyle": "-."},
+        {"color": BROWN, "linestyle": ":"},
+    ),
+)
+
+
+@styled
+def error(pod: Arrays, sweep: Arrays, errors: Arrays, reference: str) -> Figure:
+    """Draw singular values, and errors against the number of modes (figures 3.3, 3.5, ...).
+
+    An error that is not finite, or above 10³, stands as a marker on the top edge.
+
+    Parameters
+    ----------
+    pod
+        `velocity_singular_values`, `density_singular_values`.
+    sweep
+        `mode_count` and, at each, `velocity_error_sph`, `density_error_sph`,
+        `velocity_error_reference`, `density_error_reference` of the original reduced model.
+    errors
+        `solution`, `reference`, `velocity_error`, `density_error` of shape (solution, reference).
+    reference
+        The reference of the scene, as named in `errors`.
+    """
+    figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    _draw_singular_values(left, pod)
+    _draw_errors(right, sweep, errors, reference)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower left")
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2)
+    return figure
+
+
+def _draw_singular_values(axes: Axes, pod: Arrays) -> None:
+    noise = None
+    for field, symbol, colour, marker in zip(FIELDS, "vρ", (BLUE, VERMILLION), "os", strict=True):
+        values = pod[f"{field}_singular_values"]
+        number = np.arange(1, len(values) + 1)
+        kept = values >= ROUNDING * values[0]
+        look: Look = {"linestyle": "", "marker": marker, "markersize": 2.5}
+        label = f"{symbol}, singular value"
+        axes.plot(number[kept], values[kept], color=colour, label=label, **look)
+        if not kept.all():
+            (noise,) = axes.plot(number[~kept], values[~kept], color=GREY, **look)
+    if noise:
+        noise.set_label("below 10⁻¹² of the first")
+    axes.set(xlabel="mode number", ylabel="singular value of v [m/s], ρ [kg/m³]")
+    axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
+    _scale_log(axes.yaxis, np.concatenate([pod[f"{field}_singular_values"] for field in FIELDS]))
+
+
+def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> None:
+    counts = sweep["mode_count"]
+    drawn = []
+    broken_anywhere = False
+    for place, (field, symbol) in enumerate(zip(FIELDS, "vρ", strict=True)):
+        for number, (comparison, suffix, *looks) in enumerate(COMPARISONS):
+            look = looks[place]
+            label = f"{symbol}, {comparison}"
+            if not suffix:
+                level = _sph_error(errors, field, reference)
+                axes.axhline(level, label=label, **look)
+                drawn.append(np.array([level]))
+                continue
+            values = sweep[f"{field}_error_{suffix}"]
+            finite = values <= WORST_ERROR
+            # The line has a gap where the model broke down.
+            axes.plot(counts, np.where(finite, values, np.nan), label=label, **look)
+            drawn.append(values[finite])
+            # Side by side, for a model breaks down in everything at once.
+            aside = 0.22 * (2 * place + number - 1.5)
+            _mark_breakdown(axes, counts[~finite] + aside, look)
+            broken_anywhere |= not finite.all()
+    if broken_anywhere:
+        axes.set_title(BREAKDOWN_NOTE, fontsize=7, loc="right")
+    axes.set(xlabel="number of modes k", ylabel="relative L² error")
+    axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
+    _scale_log(axes.yaxis, np.concatenate(drawn))
+
+
+def _mark_breakdown(axes: Axes, places: np.ndarray, look: Look) -> None:
+    """Put markers on the top edge, where there is no finite error to draw."""
+    if len(places):
+        edge = axes.get_xaxis_transform()
+        look = {**look, "linestyle": "", "clip_on": False, "zorder": 3}
+        axes.plot(places, np.ones(len(places)), transform=edge, **look)
+
+
+def _scale_log(axis: XAxis | YAxis, values: np.ndarray) -> None:
+    """Make an axis logarithmic, with room round positive values and labels fit for its range."""
+    values = values[values > 0]
+    low, high = (values.min(), values.max()) if len(values) else (0.1, 10)
+    room = max(1.3, (high / low) ** 0.05)
+    # A factor of 6.3 or more holds at least two of 1, 2, 5, 10, ...
+    room = max(room, np.sqrt(6.3 * low / high))
+    low, high = low / room, high * room
+    few = high / low < 80
+    if axis.axis_name == "x":
+        axis.axes.set(xscale="log", xlim=(low, high))
+    else:
+        axis.axes.set(yscale="log", ylim=(low, high))
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,), numticks=9))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _tick(value, few)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+# --- Acceleration ---------------------------------------------------------------------------------
+
+
+FULL_MODELS = {"sph_neighbour_lists": "none", "sph_stencil": "full"}
+REDUCED_MODELS = {"original": "+", "linearized": "x"}
+NAMES = {
+    "sph_neighbour_lists": "SPH, neighbour lists",
+    "sph_stencil": "SPH, even spacing",
+    "original": "original POD",
+    "linearized": "linearized density",
+}
+MODE_COUNT_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE)
+
+
+@styled
+def acceleration(acceleration: Arrays, cpu_time: Arrays, errors: Arrays, reference: str) -> Figure:
+    """Draw error against CPU time, velocity left, density right (figures 3.17, 3.21, ...).
+
+    Full SPH is compared with the reference, reduced models with full SPH. A point stands at the
+    median CPU time, its bar spans the quartiles.
+
+    Parameters
+    ----------
+    acceleration
+        `contender`, `mode_count` and `acceleration_velocity_error`, `acceleration_density_error`
+        of shape (contender, mode_count), against full SPH.
+    cpu_time
+        `contender`, `contender_mode_count` and `n_freeze` (0 where they do not apply), and
+        `cpu_seconds` of shape (contender, repeat).
+    errors
+        `solution`, `reference`, `velocity_error`, `density_error` of shape (solution, reference).
+    reference
+        The reference of the scene, as named in `errors`.
+    """
+    figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
+    panels = figure.subplots(1, 2)
+    for axes, field, symbol in zip(panels, FIELDS, "vρ", strict=True):
+        of_sph = _sph_error(errors, field, reference)
+        reduced = {
+            (name, count): value
+            for name, row in zip(
+                acceleration["contender"], acceleration[f"acceleration_{field}_error"], strict=True
+            )
+            for count, value in zip(acceleration["mode_count"], row, strict=True)
+        }
+        values = [
+            reduced[name, count] if count else of_sph
+            for name, count in zip(
+                cpu_time["contender"], cpu_time["contender_mode_count"], strict=True
+            )
+        ]
+        _draw_acceleration(axes, cpu_time, np.array(values))
+        axes.set_ylabel(f"relative L² error of {field} {symbol}")
+    handles, labels = panels[0].get_legend_handles_labels()
+    title = "full SPH: error against the reference; POD with k modes: error against full SPH"
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=-(-len(labels) // 3), title=title
+    )
+    return figure
+
+
+def _draw_acceleration(axes: Axes, cpu_time: Arrays, values: np.ndarray) -> None:
+    """Draw the errors `values`, one a contender, against CPU time."""
+    names, counts, steps = (
+        cpu_time[name] for name in ("contender", "contender_mode_count", "n_freeze")
+    )
+    lower, median, upper = np.quantile(cpu_time["cpu_seconds"], (0.25, 0.5, 0.75), axis=1)
+    finite = values <= WORST_ERROR
+    shown = np.where(finite, values, np.nan)
+
+    def draw(chosen: np.ndarray, label: str, look: Look) -> None:
+        if len(chosen):
+            bars = (median[chosen] - lower[chosen], upper[chosen] - median[chosen])
+            axes.errorbar(
+                median[chosen], shown[chosen], xerr=bars, elinewidth=0.8, label=label, **look
+            )
+            _mark_breakdown(axes, median[chosen[~finite[chosen]]], look)
+
+    for count, colour in zip(np.unique(counts[counts > 0]), MODE_COUNT_COLOURS, strict=False):
+        for name, marker in REDUCED_MODELS.items():
+            chosen = np.flatnonzero((names == name) & (counts == count))
+            look = {"color": colour, "marker": marker, "markersize": 6, "linestyle": ""}
+            draw(chosen, f"k = {count}, {NAMES[name]}", look)
+        chosen = np.flatnonzero((steps > 0) & (counts == count))
+        chosen = chosen[np.argsort(steps[chosen])]
+        look = {"color": colour, "marker": "o", "linestyle": "--"}
+        draw(chosen, f"k = {count}, frozen for n steps", look)
+        for place, row in enumerate(chosen):
+            axes.annotate(
+                f"{'n = ' if place == 0 else ''}{steps[row]}",
+                (median[row], values[row] if finite[row] else np.nan),
+                xytext=(0, 4 if place % 2 == 0 else -4),
+                textcoords="offset points",
+                ha="center",
+                va="bottom" if place % 2 == 0 else "top",
+                color=colour,
+                fontsize=7,
+            )
+    for name, filling in FULL_MODELS.items():
+        look = {"color": BLACK, "marker": "*", "fillstyle": filling, "markersize": 7}
+        draw(np.flatnonzero(names == name), NAMES[name], {**look, "linestyle": ""})
+    if not finite.all():
+        axes.set_title(BREAKDOWN_NOTE, fontsize=7, loc="right")
+    axes.set_xlabel("CPU time [s]")
+    _scale_log(axes.xaxis, np.concatenate((lower, upper)))
+    _scale_log(axes.yaxis, values[finite])
+
+
+def _sph_error(errors: Arrays, field: str, reference: str) -> float:
+    """Error of full SPH against a reference."""
+    solution = list(errors["solution"]).index("sph")
+    return float(errors[f"{field}_error"][solution, list(errors["reference"]).index(reference)])
+
+
+# --- Initial velocity -----------------------------------------------------------------------------
+
+
+@styled
+def initial_spectrum(solution: Arrays) -> Figure:
+    """Draw the amplitudes of the discrete Fourier modes of an initial velocity (figure C.2).
+
+    Those below 1e-12 of the largest are rounding noise and grey.
+
+    Parameters
+    ----------
+    solution
+        `velocity` [m/s] of shape (t, x), its first time 0.
+    """
+    velocity = solution["velocity"][0]
+    count = len(velocity)
+    amplitude = np.abs(np.fft.rfft(velocity)) * 2 / count
+    amplitude[0] /= 2
+    if count % 2 == 0:
+        amplitude[-1] /= 2
+    harmonic = np.arange(len(amplitude))
+    figure = Figure(figsize=(HALF_WIDTH, 2.25), layout="constrained")
+    axes = figure.subplots()
+    _scale_log(axes.yaxis, amplitude)
+    for chosen, colour in (
+        (amplitude >= ROUNDING * amplitude.max(), BLUE),
+        (amplitude < ROUNDING * amplitude.max(), GREY),
+    ):
+        axes.vlines(harmonic[chosen], axes.get_ylim()[0], amplitude[chosen], colour, linewidth=0.6)
+        axes.plot(harmonic[chosen], amplitude[chosen], "o", color=colour, markersize=2)
+    axes.set(xlabel="harmonic number", ylabel="amplitude in v₀ [m/s]")
+    return figure
+
+
+# --- Phase ----------------------------------------------------------------------------------------
+
+
+@styled
+def phase(sph: Arrays, exact: Arrays, modified: Arrays, position: float, beta: float) -> Figure:
+    """Draw the velocity of one particle in time, in two rows (figure C.6).
+
+    Parameters
+    ----------
+    sph, exact, modified
+        `t` [s], `x` [m] and `velocity` [m/s] of shape (t, x): full SPH, the exact solution, and
+        the exact solution of a medium whose waves travel `beta` times as fast.
+    position
+        Where to look [m]: at the nearest particle.
+    beta
+        Leading coefficient of the SPH derivative (appendix B).
+    """
+    x = exact["x"]
+    particle = int(np.abs(x - position).argmin())
+    factor, unit = _unit(exact["velocity"][:, particle], "m/s")
+    figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
+    rows = figure.subplots(2, 1, sharey=True)
+    duration = exact["t"][-1]
+    for row, axes in enumerate(rows):
+        start, end = row * duration / 2, (row + 1) * duration / 2
+        for solution, label, look in (
+            (exact, "exact solution", {"color": GREY, "linewidth": 1.6}),
+            (modified, f"exact, waves β = {beta:.4f} times as fast", {"color": BLUE}),
+            (sph, "SPH", {"color": VERMILLION, "linestyle": (0, (3, 1.5))}),
+        ):
+            during = np.flatnonzero((solution["t"] >= start) & (solution["t"] <= end))
+            during = during[_shown(len(during), 1001)]
+            velocity = factor * solution["velocity"][during, particle]
+            axes.plot(solution["t"][during], velocity, label=label, **look)
+        axes.set(xlim=(start, end))
+    rows[1].set_xlabel("time t [s]")
+    figure.supylabel(f"velocity v at x = {x[particle]:g} m [{unit}]", fontsize=8)
+    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
