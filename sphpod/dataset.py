@@ -42,7 +42,7 @@ class Variable(NamedTuple):
 
 def _fields() -> dict[str, Variable]:
     """Variables that exist once for the velocity and once for the density."""
-    variables = {}
+    variables: dict[str, Variable] = {}
     for field, units, meaning in (
         ("velocity", "m s-1", "velocity"),
         ("density", "kg m-3", "mass density"),
@@ -66,6 +66,9 @@ def _fields() -> dict[str, Variable]:
             ),
             f"{field}_error": Variable(
                 ("solution", "reference"), "1", f"{error} of a solution against a reference"
+            ),
+            f"{field}_error_estimate": Variable(
+                (), "1", f"estimated {error}, by Richardson's extrapolation"
             ),
             f"{field}_error_sph": Variable(
                 ("mode_count",), "1", f"{error} of the reduced model against full SPH"
@@ -158,7 +161,9 @@ def write(
         for name, values in arrays.items():
             meaning = VARIABLES[name]
             # No fill value: nothing is missing, and pre-filling would write every byte twice.
-            variable = file.createVariable(name, meaning.dtype, meaning.dims, fill_value=False)
+            variable: netCDF4.Variable = file.createVariable(
+                name, meaning.dtype, meaning.dims, fill_value=False
+            )
             attributes = {"units": meaning.units, "long_name": meaning.long_name}
             if meaning.coordinates:
                 attributes["coordinates"] = meaning.coordinates
@@ -198,7 +203,7 @@ def read_samples(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndar
     if samples.all():
         return arrays
     return {
-        name: values[samples] if VARIABLES[name].dims[0] == "t" else values
+        name: values[samples] if "t" in VARIABLES[name].dims else values
         for name, values in arrays.items()
     }
 
