@@ -548,16 +548,17 @@ def _arriving_signals(scene, left, width, speed, impedance):
                     if m == 0
                     else (shares[layer, 1, other], arrival[other])
                 )
-                if not np.any(np.abs(share) > 1e-17):
+                felt = np.flatnonzero(np.abs(share) > 1e-17)
+                if not felt.size:
                     continue
-                begun = t >= since[0]
-                late = t[begun]
-                crossings = np.searchsorted(since, late, side="right") - 1
-                travelled = speed[m] * (late - since[crossings])
+                until = since[felt[-1] + 1] if felt[-1] + 1 < since.size else np.inf
+                during = (t >= since[felt[0]]) & (t < until)
+                crossings = np.searchsorted(since, t[during], side="right") - 1
+                travelled = speed[m] * (t[during] - since[crossings])
                 leftward = (sense + other + crossings + (layer != m)) % 2
                 start = np.where(leftward, travelled, width[m] - travelled) + left[m]
                 start -= scene.domain_length * (start >= scene.domain_length)
-                total[begun] += share[crossings] * scene.initial_velocity(x=start)
+                total[during] += share[crossings] * scene.initial_velocity(x=start)
         return total
 
     return arriving
