@@ -87,38 +87,29 @@ class ReducedModel:
         pull = dt * derivative(velocity_modes / density0, weights) * scene.modulus()
         stretch = -dt * derivative(velocity_modes, weights) / density0
         start = velocity_modes @ scene.velocity0(), density_modes @ density0
+        start_a, start_b = map(_padded, start)
         damping, amplitude, push = self._project_forces(dt, steps[-1])
+        forces = _padded(damping.T, both=True), amplitude, _padded(push)
+        on_particles = _padded(stretch), _padded(density_modes)
+        march: Callable[..., None]
+        operators: tuple[object, ...]
         if n_freeze == 0:
-            linear = self.method == "linearized"
-
-            def run(velocity_coordinates, density_coordinates):
-                march_particles(
-                    *map(_padded, start), _padded(pull), _padded(stretch), _padded(density_modes),
-                    density0, linear, damping, amplitude, _padded(push), steps,
-                    velocity_coordinates, density_coordinates,
-                )  # fmt: skip
-
-            return run
-        force = (pull / density0) @ density_modes.T
-        constant = -pull.sum(axis=1)
-        kv, kr = len(velocity_modes), len(density_modes)
-        if tensor_is_cheaper(kv, kr, density0.size, n_freeze):
-            tensor = _quadratic_tensor(density_modes, stretch)
-
-            def run(velocity_coordinates, density_coordinates):
-                march_tensor(
-                    *start, force, constant, tensor, n_freeze, damping, amplitude, push, steps,
-                    velocity_coordinates, density_coordinates,
-                )  # fmt: skip
-
+            march = march_particles
+            operators = _padded(pull), *on_particles, density0, self.method == "linearized"
         else:
+            force = _padded(density_modes @ (pull / density0).T, both=True)
+            constant = _padded(-pull.sum(axis=1))
+            kv, kr = len(velocity_modes), len(density_modes)
+            if tensor_is_cheaper(kv, kr, density0.size, n_freeze):
+                march = march_tensor
+                operators = force, constant, _quadratic_tensor(*on_particles, kr), n_freeze
+            else:
+                march = march_frozen
+                operators = force, constant, *on_particles, n_freeze
 
-            def run(velocity_coordinates, density_coordinates):
-                march_frozen(
-                    *map(_padded, start), _padded(force, both=True), _padded(constant),
-                    _padded(stretch), _padded(density_modes), n_freeze, _padded(damping, both=True),
-                    amplitude, _padded(push), steps, velocity_coordinates, density_coordinates,
-                )  # fmt: skip
+        def run(velocity_coordinates, density_coordinates):
+            a, b = start_a.copy(), start_b.copy()
+            march(a, b, *operators, *forces, steps, velocity_coordinates, density_coordinates)
 
         return run
 
@@ -148,10 +139,10 @@ class ReducedModel:
         return velocity_coordinates, density_coordinates, breakdown
 
     def _project_forces(self, dt, step_count):
-        """Damping matrix, amplitude of the force in every step and its projection, times Δt."""
+        """-Δt Uvᵀ D Uv, and the force: its amplitude in every step and Δt times its projection."""
         scene, modes = self.scene, self.velocity_modes
         d = scene.damping_values()
-        damping = dt * (modes * d) @ modes.T if d.size else np.zeros((0, 0))
+        damping = -dt * (modes * d) @ modes.T if d.size else np.zeros((0, 0))
         amplitude, profile = scene.force_values(np.arange(step_count) * dt)
         push = dt * modes @ profile if amplitude.size else ABSENT
         return damping, amplitude, push
@@ -253,14 +244,13 @@ def tensor_is_cheaper(kv: int, kr: int, particle_count: int, n_freeze: int) -> b
     return with_tensor < on_particles
 
 
-def _quadratic_tensor(density_modes, stretch):
-    """T[q ≤ r, (p, m)]: the matrix C is Σ T b_q b_r, as ρ² is quadratic in b."""
-    kr = len(density_modes)
+def _quadratic_tensor(stretch, density_modes, kr):
+    """T[q ≤ r, (m, p)]: as ρ² is quadratic in b, -Δt Cᵀ is Σ T b_q b_r (padded modes given)."""
     pairs = [(q, r) for q in range(kr) for r in range(q, kr)]
     twice = np.array([1 if q == r else 2 for q, r in pairs])
     products = np.array([density_modes[q] * density_modes[r] for q, r in pairs])
-    matrices = (density_modes[:, None, :] * stretch[None, :, :]).reshape(-1, stretch.shape[1])
-    return (twice[:, None] * products) @ matrices.T
+    matrices = stretch[:, None, :] * density_modes[None, :, :]
+    return _padded((twice[:, None] * products) @ matrices.reshape(-1, stretch.shape[1]).T)
 
 
 def _padded(array, both=False):
@@ -269,19 +259,26 @@ def _padded(array, both=False):
         return array
     missing = -np.array(array.shape) % GROUP
     widths = [(0, m if axis == 0 or both else 0) for axis, m in enumerate(missing)]
-    return np.pad(array, widths)
+    return np.ascontiguousarray(np.pad(array, widths))
+
+
+@compiled
+def add_expansion(coordinates, modes, field):
+    """field += Σ_m coordinates[m] modes[m], four modes at once."""
+    for m in range(0, coordinates.size, 4):
+        c0, c1, c2, c3 = coordinates[m], coordinates[m + 1], coordinates[m + 2], coordinates[m + 3]
+        for i in range(field.size):
+            field[i] += (c0 * modes[m, i] + c1 * modes[m + 1, i]) + (
+                c2 * modes[m + 2, i] + c3 * modes[m + 3, i]
+            )
 
 
 @compiled
 def expand(coordinates, modes, field):
-    """field = Σ_m coordinates[m] modes[m], four modes at once."""
+    """field = Σ_m coordinates[m] modes[m]."""
     for i in range(field.size):
         field[i] = 0.0
-    for m in range(0, coordinates.size, 4):
-        c0, c1, c2, c3 = coordinates[m], coordinates[m + 1], coordinates[m + 2], coordinates[m + 3]
-        for i in range(field.size):
-            field[i] += c0 * modes[m, i] + c1 * modes[m + 1, i]
-            field[i] += c2 * modes[m + 2, i] + c3 * modes[m + 3, i]
+    add_expansion(coordinates, modes, field)
 
 
 @compiled_sums
@@ -298,16 +295,6 @@ def add_projection(field, modes, coordinates):
         coordinates[m + 1] += s1
         coordinates[m + 2] += s2
         coordinates[m + 3] += s3
-
-
-@compiled_sums
-def add_product(matrix, vector, result, sign):
-    """result += sign * matrix @ vector, for small matrices."""
-    for p in range(result.size):
-        total = 0.0
-        for m in range(vector.size):
-            total += matrix[p, m] * vector[m]
-        result[p] += sign * total
 
 
 @compiled
@@ -344,7 +331,7 @@ def march_particles(
             add_projection(rate, density_modes, b)
             add_projection(rho, pull, a)
             if damping.size:
-                add_product(damping, old_a[:kv], a[:kv], -1.0)
+                add_expansion(old_a, damping, a)
             if amplitude.size:
                 add_push(push, amplitude, step, a)
         done = steps[row]
@@ -371,9 +358,9 @@ def march_frozen(
             for m in range(a.size):
                 old_a[m] = a[m]
                 a[m] += constant[m]
-            add_product(force, b, a, 1.0)
+            add_expansion(b, force, a)
             if damping.size:
-                add_product(damping, old_a, a, -1.0)
+                add_expansion(old_a, damping, a)
             if amplitude.size:
                 add_push(push, amplitude, step - step % n_freeze, a)
             expand(old_a, stretch, rate)
@@ -386,17 +373,14 @@ def march_frozen(
 
 
 @compiled
-def refresh(b, tensor, coefficients):
-    """C = Σ_{q ≤ r} T[q, r] b_q b_r, flattened."""
-    for n in range(coefficients.size):
-        coefficients[n] = 0.0
+def refresh(b, kr, products, tensor, matrix):
+    """-Δt Cᵀ = Σ_{q ≤ r} T[q, r] b_q b_r, flattened."""
     pair = 0
-    for q in range(b.size):
-        for r in range(q, b.size):
-            product = b[q] * b[r]
-            for n in range(coefficients.size):
-                coefficients[n] += product * tensor[pair, n]
+    for q in range(kr):
+        for r in range(q, kr):
+            products[pair] = b[q] * b[r]
             pair += 1
+    expand(products, tensor, matrix)
 
 
 @compiled
@@ -405,26 +389,25 @@ def march_tensor(
     velocity_coordinates, density_coordinates,
 ):  # fmt: skip
     """Frozen coefficients, wholly in reduced coordinates: no particle is seen."""
-    a, b = a.copy(), b.copy()
-    coefficients = np.empty(b.size * a.size)
-    matrix = coefficients.reshape(b.size, a.size)
-    old_a, old_b = a.copy(), b.copy()
+    kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
+    products = np.zeros(tensor.shape[0])
+    flat = np.empty(tensor.shape[1])
+    matrix = flat.reshape(a.size, b.size)
+    old_a = a.copy()
     done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
             if step % n_freeze == 0:
-                refresh(b, tensor, coefficients)
+                refresh(b, kr, products, tensor, flat)
             for m in range(a.size):
                 old_a[m] = a[m]
                 a[m] += constant[m]
-            for m in range(b.size):
-                old_b[m] = b[m]
-            add_product(force, old_b, a, 1.0)
+            add_expansion(b, force, a)
             if damping.size:
-                add_product(damping, old_a, a, -1.0)
+                add_expansion(old_a, damping, a)
             if amplitude.size:
                 add_push(push, amplitude, step - step % n_freeze, a)
-            add_product(matrix, old_a, b, 1.0)
+            add_expansion(old_a, matrix, b)
         done = steps[row]
-        velocity_coordinates[row] = a
-        density_coordinates[row] = b
+        velocity_coordinates[row] = a[:kv]
+        density_coordinates[row] = b[:kr]
