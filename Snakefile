@@ -13,6 +13,12 @@ include: "workflow/rules/benchmark.smk"
 include: "workflow/rules/report.smk"
 
 
+onstart:
+    # Snakemake limits itself to 100 new jobs a second, by a timer for every decision it makes; with
+    # jobs as short as these the timers would take as much time as some of the work.
+    workflow.scheduler.job_rate_limiter = None
+
+
 rule all:
     default_target: True
     input:
