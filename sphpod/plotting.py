@@ -7,6 +7,7 @@ drawing cheap and the files small. Captions belong to the configuration, not to 
 
 import os
 from collections.abc import Mapping, Sequence
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +31,7 @@ styled = matplotlib.style.context(["default", STYLE])
 
 PAGE_WIDTH = 5.9  # inches: the text width of a one-column journal
 HALF_WIDTH = 3.3
+PANEL_POINTS = 165  # width of one of two panels beside each other, about
 
 # Okabe and Ito's palette and two darker shades: blues for the velocity, reds for the density.
 BLACK, GREY = "#000000", "#A6A6A6"
@@ -78,7 +80,7 @@ def spring() -> Figure:
     axes.axis("off")
     names = ("N − 1", "0", "1", "···", "n", "n + 1", "···", "N − 1", "0")
     radius = 0.31
-    # A coil, and a piston in its cylinder, along a unit length.
+    # A spring of unit length.
     along = np.concatenate(([0, 0.14], np.linspace(0.18, 0.82, 9), [0.86, 1]))
     across = np.concatenate(([0, 0], 0.13 * np.array([1, -1] * 4 + [1]), [0, 0]))
     for place, name in enumerate(names):
@@ -122,8 +124,8 @@ def _draw_damper(axes: Axes, place: float, top: float) -> None:
     half, ground = 0.11, top - 0.78
     axes.plot((place, place), (top, top - 0.34), **look)
     axes.plot((place - 0.8 * half, place + 0.8 * half), (top - 0.34, top - 0.34), **look)
-    cylinder = ((place - half, place - half, place + half, place + half),)
-    axes.plot(cylinder[0], (top - 0.22, top - 0.52, top - 0.52, top - 0.22), **look)
+    walls = (place - half, place - half, place + half, place + half)
+    axes.plot(walls, (top - 0.22, top - 0.52, top - 0.52, top - 0.22), **look)
     axes.plot((place, place), (top - 0.52, ground), **look)
     axes.plot((place - 0.22, place + 0.22), (ground, ground), **look)
     for stroke in np.linspace(-0.18, 0.22, 5):
@@ -191,7 +193,7 @@ def _power_of_ten(exponent: int) -> str:
 
 def _short(value: float) -> str:
     """Two digits, with a power of ten where needed: 0.12, 1.2×10⁻³, 10⁻⁴."""
-    if 0.01 <= value < 100:
+    if 0.001 <= value < 100:
         return f"{value:.2g}"
     mantissa, exponent = f"{value:.1e}".split("e")
     power = _power_of_ten(int(exponent))
@@ -217,8 +219,9 @@ def _draw_picture(axes: Axes, solution: Arrays, values: np.ndarray, name: str, u
     amplitude = np.abs(values).max(axis=1)
     limit = amplitude.max() or 1.0
     # A field that soon dies away would leave a blank picture on an even colour scale.
-    fading = np.median(amplitude) < 0.1 * limit
-    linear = limit / 1000
+    typical = np.median(amplitude)
+    fading = typical < 0.1 * limit
+    linear = max(typical / 2, limit / 1000)
     norm = AsinhNorm(linear, -limit, limit) if fading else Normalize(-limit, limit)
     half_cell = (solution["x"][1] - solution["x"][0]) / 2
     duration = solution["t"][-1]
@@ -237,15 +240,14 @@ def _draw_picture(axes: Axes, solution: Arrays, values: np.ndarray, name: str, u
     )
     axes.set(ylim=(0, duration), ylabel="time t [s]")
     bar = axes.figure.colorbar(picture, ax=axes, label=f"{name} [{unit}]", pad=0.03, aspect=18)
-    bar.locator = MaxNLocator(6, steps=(1, 2, 5, 10))
     bar.outline.set_linewidth(0.6)
     if fading:
         powers = 10.0 ** np.arange(np.ceil(np.log10(linear)), np.floor(np.log10(limit)) + 1)
-        ticks = np.concatenate((-powers[::-1], [0], powers))
-        bar.set_ticks(
-            list(ticks), labels=[f"{tick:g}".replace("-", "−") for tick in ticks], minor=False
-        )
+        ticks = [*-powers[::-1], 0, *powers]
+        bar.set_ticks(ticks, labels=[f"{tick:g}".replace("-", "−") for tick in ticks])
         bar.minorticks_off()
+    else:
+        bar.locator = MaxNLocator(6, steps=(1, 2, 5, 10))
 
 
 # --- Modes ----------------------------------------------------------------------------------------
@@ -290,8 +292,7 @@ def modes(pod: Arrays, count: int = 12) -> Figure:
         middle = (left + PAGE_WIDTH - right) / 2 / PAGE_WIDTH
         figure.text(middle, (floor - 0.33) / height, "position x [m]", ha="center")
         level = (floor + ceiling - 0.28) / 2 / height
-        label = f"{field} mode, of unit norm"
-        figure.text(0.06 / PAGE_WIDTH, level, label, rotation=90, va="center")
+        figure.text(0.06 / PAGE_WIDTH, level, "mode (unit norm)", rotation=90, va="center")
         ceiling = floor - below
     return figure
 
@@ -299,7 +300,8 @@ def modes(pod: Arrays, count: int = 12) -> Figure:
 def _draw_modes(figure: Figure, grid: GridSpec, pod: Arrays, field: str, number: int) -> None:
     x, shapes = pod["x"], pod[f"{field}_modes"][:number]
     relative = pod[f"{field}_singular_values"][:number] / pod[f"{field}_singular_values"][0]
-    limit = 1.12 * np.abs(shapes[relative >= ROUNDING]).max()
+    # Noise may stick out, so that it does not flatten the modes that matter.
+    limit = 1.12 * min(np.abs(shapes).max(), 1.5 * np.abs(shapes[relative >= ROUNDING]).max())
     colour = {"velocity": BLUE, "density": VERMILLION}[field]
     length = _length(x)
     for index, (shape, weight) in enumerate(zip(shapes, relative, strict=True)):
@@ -422,7 +424,7 @@ def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> N
             _mark_breakdown(axes, counts[~finite] + aside, look)
             broken_anywhere |= not finite.all()
     if broken_anywhere:
-        axes.set_title(BREAKDOWN_NOTE, fontsize=7, loc="right")
+        axes.set_title(BREAKDOWN_NOTE, loc="right")
     axes.set(xlabel="number of modes k", ylabel="relative L² error")
     axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
     _scale_log(axes.yaxis, np.concatenate(drawn))
@@ -436,14 +438,13 @@ def _mark_breakdown(axes: Axes, places: np.ndarray, look: Look) -> None:
         axes.plot(places, np.ones(len(places)), transform=edge, **look)
 
 
-def _scale_log(axis: XAxis | YAxis, values: np.ndarray) -> None:
-    """Make an axis logarithmic, with room round positive values and labels fit for its range."""
+def _scale_log(axis: XAxis | YAxis, values: np.ndarray, room: float = 0.05) -> None:
+    """Make an axis logarithmic, with room on both sides of the values: a share of their range."""
     values = values[values > 0]
     low, high = (values.min(), values.max()) if len(values) else (0.1, 10)
-    room = max(1.3, (high / low) ** 0.05)
     # A factor of 6.3 or more holds at least two of 1, 2, 5, 10, ...
-    room = max(room, np.sqrt(6.3 * low / high))
-    low, high = low / room, high * room
+    margin = max(1.3, (high / low) ** room, np.sqrt(6.3 * low / high))
+    low, high = low / margin, high * margin
     few = high / low < 80
     if axis.axis_name == "x":
         axis.axes.set(xscale="log", xlim=(low, high))
@@ -465,7 +466,7 @@ NAMES = {
     "original": "original POD",
     "linearized": "linearized density",
 }
-MODE_COUNT_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE)
+MODE_COUNT_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 
 
 @styled
@@ -508,9 +509,9 @@ def acceleration(acceleration: Arrays, cpu_time: Arrays, errors: Arrays, referen
         _draw_acceleration(axes, cpu_time, np.array(values))
         axes.set_ylabel(f"relative L² error of {field} {symbol}")
     handles, labels = panels[0].get_legend_handles_labels()
-    title = "full SPH: error against the reference; POD with k modes: error against full SPH"
+    title = "SPH: error against the reference; POD: error against SPH; numbers at the dots: n"
     figure.legend(
-        handles, labels, loc="outside lower center", ncols=-(-len(labels) // 3), title=title
+        handles, labels, loc="outside lower center", ncols=min(3, -(-len(labels) // 3)), title=title
     )
     return figure
 
@@ -523,43 +524,88 @@ def _draw_acceleration(axes: Axes, cpu_time: Arrays, values: np.ndarray) -> None
     lower, median, upper = np.quantile(cpu_time["cpu_seconds"], (0.25, 0.5, 0.75), axis=1)
     finite = values <= WORST_ERROR
     shown = np.where(finite, values, np.nan)
+    _scale_log(axes.xaxis, np.concatenate((lower, upper)))
+    _scale_log(axes.yaxis, values[finite], room=0.12)
 
     def draw(chosen: np.ndarray, label: str, look: Look) -> None:
         if len(chosen):
-            bars = (median[chosen] - lower[chosen], upper[chosen] - median[chosen])
+            times, bars = median[chosen], (median - lower, upper - median)
             axes.errorbar(
-                median[chosen], shown[chosen], xerr=bars, elinewidth=0.8, label=label, **look
+                times,
+                shown[chosen],
+                xerr=[bar[chosen] for bar in bars],
+                fmt="none",
+                ecolor=look["color"],
+                elinewidth=0.6,
+                capsize=1.5,
+                capthick=0.6,
             )
-            _mark_breakdown(axes, median[chosen[~finite[chosen]]], look)
+            axes.plot(times, shown[chosen], label=label, **look)
+            _mark_breakdown(axes, times[~finite[chosen]], look)
 
-    for count, colour in zip(np.unique(counts[counts > 0]), MODE_COUNT_COLOURS, strict=False):
+    mode_counts = np.unique(counts[counts > 0])
+    for place, (count, colour) in enumerate(zip(mode_counts, cycle(MODE_COUNT_COLOURS))):
         for name, marker in REDUCED_MODELS.items():
-            chosen = np.flatnonzero((names == name) & (counts == count))
             look = {"color": colour, "marker": marker, "markersize": 6, "linestyle": ""}
-            draw(chosen, f"k = {count}, {NAMES[name]}", look)
+            draw(
+                np.flatnonzero((names == name) & (counts == count)),
+                f"k = {count}, {NAMES[name]}",
+                look,
+            )
         chosen = np.flatnonzero((steps > 0) & (counts == count))
         chosen = chosen[np.argsort(steps[chosen])]
         look = {"color": colour, "marker": "o", "linestyle": "--"}
         draw(chosen, f"k = {count}, frozen for n steps", look)
-        for place, row in enumerate(chosen):
-            axes.annotate(
-                f"{'n = ' if place == 0 else ''}{steps[row]}",
-                (median[row], values[row] if finite[row] else np.nan),
-                xytext=(0, 4 if place % 2 == 0 else -4),
-                textcoords="offset points",
-                ha="center",
-                va="bottom" if place % 2 == 0 else "top",
-                color=colour,
-                fontsize=7,
-            )
+        # Few modes, large errors, labels above; more modes, smaller errors, labels below.
+        _label_steps(axes, median[chosen], values[chosen], steps[chosen], colour, above=place == 0)
     for name, filling in FULL_MODELS.items():
         look = {"color": BLACK, "marker": "*", "fillstyle": filling, "markersize": 7}
         draw(np.flatnonzero(names == name), NAMES[name], {**look, "linestyle": ""})
     if not finite.all():
-        axes.set_title(BREAKDOWN_NOTE, fontsize=7, loc="right")
+        axes.set_title(BREAKDOWN_NOTE, loc="right")
     axes.set_xlabel("CPU time [s]")
-    _scale_log(axes.xaxis, np.concatenate((lower, upper)))
-    _scale_log(axes.yaxis, values[finite])
+
+
+def _label_steps(
+    axes: Axes,
+    times: np.ndarray,
+    values: np.ndarray,
+    steps: np.ndarray,
+    colour: str,
+    above: bool,
+) -> None:
+    """Write the numbers of frozen steps at their dots, together where dots stand close."""
+    left, right = axes.get_xlim()
+    points = PANEL_POINTS * np.log(times / left) / np.log(right / left)
+    finite = values <= WORST_ERROR
+    groups: list[list[int]] = []
+    for dot in np.lexsort((points, finite)).tolist():
+        if groups and finite[groups[-1][0]] == finite[dot]:
+            # A figure is some 4 pt wide.
+            needed = 2 * len(_listed(steps[groups[-1]])) + 2 * len(str(steps[dot])) + 4
+            if points[dot] - points[groups[-1]].mean() < needed:
+                groups[-1].append(dot)
+                continue
+        groups.append([dot])
+    for group in groups:
+        # Errors grow with n, so to the right above the line and to the left below it is room.
+        side = 1 if above and finite[group[0]] else -1
+        height = side * (side * values[group]).max() if finite[group[0]] else 1
+        axes.annotate(
+            _listed(steps[group]),
+            (np.exp(np.log(times[group]).mean()), height),
+            xycoords="data" if finite[group[0]] else axes.get_xaxis_transform(),
+            xytext=(2 * side, 4 * side),
+            textcoords="offset points",
+            ha="center",
+            va="bottom" if side > 0 else "top",
+            color=colour,
+            fontsize=7,
+        )
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return ", ".join(str(number) for number in numbers)
 
 
 def _sph_error(errors: Arrays, field: str, reference: str) -> float:
@@ -592,12 +638,16 @@ def initial_spectrum(solution: Arrays) -> Figure:
     figure = Figure(figsize=(HALF_WIDTH, 2.25), layout="constrained")
     axes = figure.subplots()
     _scale_log(axes.yaxis, amplitude)
-    for chosen, colour in (
-        (amplitude >= ROUNDING * amplitude.max(), BLUE),
-        (amplitude < ROUNDING * amplitude.max(), GREY),
+    noise = amplitude < ROUNDING * amplitude.max()
+    for chosen, colour, label in (
+        (~noise, BLUE, "discrete Fourier mode"),
+        (noise, GREY, "below 10⁻¹² of the largest"),
     ):
-        axes.vlines(harmonic[chosen], axes.get_ylim()[0], amplitude[chosen], colour, linewidth=0.6)
-        axes.plot(harmonic[chosen], amplitude[chosen], "o", color=colour, markersize=2)
+        if chosen.any():
+            shown = amplitude[chosen]
+            axes.vlines(harmonic[chosen], axes.get_ylim()[0], shown, colour, linewidth=0.6)
+            axes.plot(harmonic[chosen], shown, "o", color=colour, markersize=2, label=label)
+    figure.legend(loc="outside lower center", ncols=2)
     axes.set(xlabel="harmonic number", ylabel="amplitude in v₀ [m/s]")
     return figure
 

@@ -1,0 +1,398 @@
+"""Figures show what they promise, nothing overlaps, and the same data give the same bytes."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import pytest
+from matplotlib.artist import Artist
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import AsinhNorm
+from matplotlib.figure import Figure
+from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
+
+from sphpod import plotting
+
+Arrays = dict[str, np.ndarray]
+
+
+def solution(damping: float = 0.0, particles: int = 80, samples: int = 401) -> Arrays:
+    """A standing wave that fades, its density following."""
+    t, x = np.linspace(0, 10, samples), np.arange(particles) / particles
+    fading, phase = np.exp(-damping * t)[:, None], 2 * np.pi * np.sqrt(0.1) * t[:, None]
+    return {
+        "t": t,
+        "x": x,
+        "velocity": 3e-3 * fading * np.cos(phase) * np.sin(2 * np.pi * x),
+        "density": 1 - 2e-2 * fading * np.sin(phase) * np.cos(2 * np.pi * x),
+    }
+
+
+def pod(velocity_modes: int = 30, density_modes: int = 30, particles: int = 80) -> Arrays:
+    """Orthonormal modes whose singular values fall by four orders of magnitude a mode."""
+    shapes = np.linalg.qr(np.random.default_rng(1).normal(size=(particles, particles)))[0]
+    return {
+        "x": np.arange(particles) / particles,
+        "velocity_modes": shapes[:velocity_modes],
+        "density_modes": shapes[:density_modes],
+        "velocity_singular_values": 0.03 * 1e-4 ** np.arange(velocity_modes),
+        "density_singular_values": 90 * 1e-4 ** np.arange(density_modes),
+    }
+
+
+def sweep(count: int = 20) -> Arrays:
+    falling = 10.0 ** -np.linspace(-1, 9, count)
+    return {
+        "mode_count": np.arange(1, count + 1),
+        "velocity_error_sph": falling,
+        "density_error_sph": 1e-2 * falling,
+        "velocity_error_reference": falling + 0.06,
+        "density_error_reference": 1e-2 * falling + 4e-4,
+    }
+
+
+def errors() -> Arrays:
+    return {
+        "solution": np.array(["sph", "fd"]),
+        "reference": np.array(["exact", "fd"]),
+        "velocity_error": np.array([[0.07, 0.06], [0.01, np.nan]]),
+        "density_error": np.array([[3e-4, 4e-4], [3e-4, np.nan]]),
+    }
+
+
+def study(counts: tuple[int, ...] = (8, 12), seconds: float = 0.1) -> tuple[Arrays, Arrays]:
+    """Errors and CPU times of an acceleration study."""
+    steps = {"original": 0, "linearized": 0, "frozen1": 1, "frozen2": 2, "frozen5": 5}
+    steps["frozen10"] = 10
+    rows = [("sph_neighbour_lists", 0, 0, 1.0), ("sph_stencil", 0, 0, 0.3)]
+    for count in counts:
+        for name, n in steps.items():
+            rows.append((name, count, n, (0.05 + 0.6 / n if n else 0.9) * (1 + count / 50)))
+    names, mode_counts, freezes, cost = zip(*rows, strict=True)
+    spread = np.array([1, 1.02, 0.97, 1.05, 0.99])
+    velocity = np.array([[0.03 * 8 / count for count in counts]] * len(steps))
+    acceleration = {
+        "contender": np.array(list(steps)),
+        "mode_count": np.array(counts),
+        "acceleration_velocity_error": velocity,
+        "acceleration_density_error": velocity / 500,
+    }
+    cpu_time = {
+        "contender": np.array(names),
+        "contender_mode_count": np.array(mode_counts),
+        "n_freeze": np.array(freezes),
+        "cpu_seconds": seconds * np.array(cost)[:, None] * spread,
+    }
+    return acceleration, cpu_time
+
+
+def broken_error() -> Figure:
+    broken = sweep()
+    for values in (broken["velocity_error_sph"], broken["density_error_reference"]):
+        values[[1, 2]] = np.nan, np.inf
+    broken["velocity_error_sph"][4] = 1e80
+    return plotting.error(pod(), broken, errors(), "fd")
+
+
+def phase() -> Figure:
+    exact, sph = solution(), solution(samples=801)
+    return plotting.phase(sph, exact, exact, position=0.3, beta=1.0224)
+
+
+def spectrum() -> Figure:
+    x = np.arange(200) / 200
+    return plotting.initial_spectrum({"velocity": 1e-3 * np.exp(-200 * (x - 0.5) ** 2)[None]})
+
+
+FIGURES: dict[str, Callable[[], Figure]] = {
+    "spring": plotting.spring,
+    "profile": lambda: plotting.profile(solution()),
+    "profile, fading": lambda: plotting.profile(solution(2.0), ["velocity", "density_change"]),
+    "modes": lambda: plotting.modes(pod()),
+    "modes, few": lambda: plotting.modes(pod(3, 4)),
+    "modes, five": lambda: plotting.modes(pod(5, 5)),
+    "error": lambda: plotting.error(pod(), sweep(), errors(), "fd"),
+    "error, few modes": lambda: plotting.error(pod(3, 4), sweep(4), errors(), "exact"),
+    "error, breakdown": broken_error,
+    "acceleration": lambda: plotting.acceleration(*study(), errors(), "fd"),
+    "acceleration, one mode count": lambda: plotting.acceleration(*study((12,)), errors(), "fd"),
+    "acceleration, quick": lambda: plotting.acceleration(*study(seconds=1e-4), errors(), "fd"),
+    "initial_spectrum": spectrum,
+    "phase": phase,
+}
+
+
+def visible_texts(figure: Figure) -> list[Text]:
+    """Texts that are drawn: a tick outside the limits of its axis keeps a label that is not."""
+    hidden = {
+        id(label)
+        for axes in figure.axes
+        for axis in (axes.xaxis, axes.yaxis)
+        for tick in (*axis.get_major_ticks(), *axis.get_minor_ticks())
+        for label in (tick.label1, tick.label2)
+        if not axis.get_visible()
+        or not min(axis.get_view_interval()) <= tick.get_loc() <= max(axis.get_view_interval())
+    }
+    return [
+        text
+        for text in figure.findobj(Text)
+        if text.get_visible() and text.get_text() and id(text) not in hidden
+    ]
+
+
+def x_of(artist: Artist) -> np.ndarray:
+    assert isinstance(artist, Line2D)
+    return np.asarray(artist.get_xdata())
+
+
+def y_of(artist: Artist) -> np.ndarray:
+    assert isinstance(artist, Line2D)
+    return np.asarray(artist.get_ydata())
+
+
+def pixels(axes: Axes) -> np.ndarray:
+    return np.asarray(axes.images[0].get_array())
+
+
+def curves(axes: Axes, colour: str) -> list[Line2D]:
+    return [line for line in axes.lines if line.get_color() == colour]
+
+
+def on_top_edge(axes: Axes) -> list[Line2D]:
+    return [line for line in axes.lines if line.get_transform() == axes.get_xaxis_transform()]
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_nothing_overlaps_and_no_panel_is_empty(name: str) -> None:
+    figure = FIGURES[name]()
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw_without_rendering()
+    page = figure.bbox
+    boxes = [(text.get_text(), text.get_window_extent(renderer)) for text in visible_texts(figure)]
+    assert len(boxes) > 3
+    for number, (text, box) in enumerate(boxes):
+        assert page.containsx(box.x0), text
+        assert page.containsx(box.x1), text
+        assert page.containsy(box.y0), text
+        assert page.containsy(box.y1), text
+        for other, other_box in boxes[number + 1 :]:
+            assert not box.overlaps(other_box), (text, other)
+    for axes in figure.axes:
+        assert axes.has_data()
+        for legend in figure.findobj(Legend):
+            assert not legend.get_window_extent(renderer).overlaps(axes.get_window_extent(renderer))
+
+
+@pytest.mark.parametrize("name", FIGURES)
+def test_text_has_print_size(name: str) -> None:
+    figure = FIGURES[name]()
+    assert figure.get_figwidth() in (plotting.PAGE_WIDTH, plotting.HALF_WIDTH)
+    assert {text.get_fontsize() for text in visible_texts(figure)} <= {7, 8, 12}
+
+
+@pytest.mark.parametrize("name", ["profile", "error"])
+def test_same_figure_same_bytes(name: str, tmp_path: Path) -> None:
+    for run in "ab":
+        plotting.save(FIGURES[name](), tmp_path / f"{run}.pdf", tmp_path / f"{run}.png")
+    for form in ("pdf", "png"):
+        assert (tmp_path / f"a.{form}").read_bytes() == (tmp_path / f"b.{form}").read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.pdf", "a.png", "b.pdf", "b.png"]
+    pdf = (tmp_path / "a.pdf").read_bytes()
+    assert b"CreationDate" not in pdf
+    assert b"/CIDFontType2" in pdf  # fonttype 42: text stays text
+    assert len(pdf) < 300_000
+
+
+def test_another_process_writes_the_same_bytes(tmp_path: Path) -> None:
+    """Neither the order of sets nor the user's own settings for matplotlib get into the files."""
+    (tmp_path / "matplotlibrc").write_text("font.size: 20\nlines.linewidth: 7\n")
+    script = (
+        "import sys; from sphpod import plotting; plotting.save(plotting.spring(), *sys.argv[1:])"
+    )
+    contents = set()
+    for seed, folder in (("1", tmp_path), ("2", tmp_path / "absent")):
+        paths = tmp_path / f"{seed}.pdf", tmp_path / f"{seed}.png"
+        environment = {
+            **os.environ,
+            "PYTHONHASHSEED": seed,
+            "SOURCE_DATE_EPOCH": seed,
+            "MATPLOTLIBRC": str(folder),
+            "PYTHONPATH": str(Path(plotting.__file__).parents[1]),
+        }
+        subprocess.run([sys.executable, "-c", script, *paths], check=True, env=environment)
+        contents.add(tuple(path.read_bytes() for path in paths))
+    assert len(contents) == 1
+
+
+def test_style_stays_inside() -> None:
+    before = dict(matplotlib.rcParams)
+    plotting.spring()
+    assert dict(matplotlib.rcParams) == before
+
+
+def test_profile_panels() -> None:
+    line, picture, bar = plotting.profile(solution()).axes
+    assert line.get_ylabel() == "initial velocity v₀ [10⁻³ m/s]"
+    assert picture.get_ylabel() == "time t [s]"
+    assert bar.get_ylabel() == "velocity v [10⁻³ m/s]"
+    for axes in (line, picture):
+        assert axes.get_xlabel() == "position x [m]"
+        assert axes.get_xlim() == (0, 1)
+    # The line closes the period.
+    (curve,) = curves(line, plotting.BLUE)
+    assert (x_of(curve)[0], x_of(curve)[-1]) == (0, 1)
+    assert y_of(curve)[0] == y_of(curve)[-1]
+    low, high = picture.images[0].get_clim()
+    assert low is not None
+    assert high == -low == np.abs(pixels(picture)).max()
+
+
+def test_profile_of_a_fading_field_has_a_compressed_scale() -> None:
+    velocity, density, *bars = plotting.profile(solution(2.0), ["velocity", "density_change"]).axes
+    assert [bar.get_ylabel() for bar in bars] == [
+        "velocity v [10⁻³ m/s]",
+        "density ρ − ρ₀ [10⁻³ kg/m³]",
+    ]
+    for axes in (velocity, density):
+        assert isinstance(axes.images[0].norm, AsinhNorm)
+        assert len(pixels(axes)) <= 601
+    assert np.ptp(pixels(density)[0]) == 0
+
+
+def test_profile_of_an_unknown_field() -> None:
+    with pytest.raises(ValueError, match="not 'pressure'"):
+        plotting.profile(solution(), ["pressure"])
+
+
+@pytest.mark.parametrize(("counts", "shown"), [((30, 30), (12, 12)), ((3, 4), (3, 4))])
+def test_modes_panels(counts: tuple[int, int], shown: tuple[int, int]) -> None:
+    figure = plotting.modes(pod(*counts))
+    titles = [axes.get_title().splitlines() for axes in figure.axes]
+    expected = [f"velocity mode {number + 1}" for number in range(shown[0])]
+    expected += [f"density mode {number + 1}" for number in range(shown[1])]
+    assert [title[0] for title in titles] == expected
+    assert titles[1][1] == "σ₂/σ₁ = 10⁻⁴"
+    for block in (figure.axes[: shown[0]], figure.axes[shown[0] :]):
+        assert len({axes.get_ylim() for axes in block}) == 1
+
+
+def test_modes_at_rounding_level_are_grey() -> None:
+    figure = plotting.modes(pod())
+    # The fall by 1e-4 a mode reaches 1e-12 at the fourth, 1e-16 at the fifth.
+    colours = [axes.lines[-1].get_color() for axes in figure.axes]
+    assert colours[:4] == [plotting.BLUE] * 4
+    assert colours[4:12] == [plotting.GREY] * 8
+    assert colours[12:16] == [plotting.VERMILLION] * 4
+    assert colours[16:] == [plotting.GREY] * 8
+
+
+def test_error_panels() -> None:
+    left, right = plotting.error(pod(), sweep(), errors(), "fd").axes
+    assert left.get_yscale() == right.get_yscale() == "log"
+    assert (left.get_xlabel(), right.get_xlabel()) == ("mode number", "number of modes k")
+    assert right.get_ylabel() == "relative L² error"
+    assert len(x_of(curves(left, plotting.BLUE)[0])) == 4
+    assert [len(x_of(line)) for line in curves(left, plotting.GREY)] == [26, 26]
+    labels = right.get_legend_handles_labels()[1]
+    assert labels == [
+        f"{symbol}, {comparison}"
+        for symbol in "vρ"
+        for comparison in ("POD against SPH", "POD against reference", "SPH against reference")
+    ]
+    # SPH against the reference asked for, as a level line.
+    assert list(y_of(curves(right, plotting.NAVY)[0])) == [0.06, 0.06]
+    assert list(y_of(curves(right, plotting.BROWN)[0])) == [4e-4, 4e-4]
+    looks = [(line.get_color(), line.get_linestyle(), line.get_marker()) for line in right.lines]
+    assert len({colour for colour, _, _ in looks}) == len(looks) == 6
+    assert len({marker for _, _, marker in looks} - {"None", ""}) == 4
+    assert len({line for _, line, _ in looks}) == 4
+
+
+def test_breakdown_is_marked_on_the_top_edge() -> None:
+    right = broken_error().axes[1]
+    marks = {line.get_color(): line for line in on_top_edge(right)}
+    assert set(marks) == {plotting.BLUE, plotting.ORANGE}
+    np.testing.assert_array_equal(np.round(x_of(marks[plotting.BLUE])), [2, 3, 5])
+    np.testing.assert_array_equal(np.round(x_of(marks[plotting.ORANGE])), [2, 3])
+    for mark in marks.values():
+        assert not mark.get_clip_on()
+        assert set(y_of(mark)) == {1}
+    assert right.get_title(loc="right") == plotting.BREAKDOWN_NOTE
+    # The curve has gaps there, and the limits keep to the finite errors.
+    curve = y_of(curves(right, plotting.BLUE)[0])
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(curve)), [1, 2, 4])
+    assert right.get_ylim()[1] < plotting.WORST_ERROR
+
+
+def test_no_breakdown_no_note() -> None:
+    for name in ("error", "acceleration"):
+        for axes in FIGURES[name]().axes:
+            assert axes.get_title(loc="right") == ""
+            assert not on_top_edge(axes)
+
+
+def test_acceleration_panels() -> None:
+    figure = plotting.acceleration(*study(), errors(), "fd")
+    for axes, quantity in zip(figure.axes, ("velocity v", "density ρ"), strict=True):
+        assert axes.get_xscale() == axes.get_yscale() == "log"
+        assert axes.get_xlabel() == "CPU time [s]"
+        assert axes.get_ylabel() == f"relative L² error of {quantity}"
+        lines = dict(zip(*axes.get_legend_handles_labels()[::-1], strict=True))
+        assert list(lines) == [
+            f"k = {count}, {name}"
+            for count in (8, 12)
+            for name in ("original POD", "linearized density", "frozen for n steps")
+        ] + ["SPH, neighbour lists", "SPH, even spacing"]
+        markers = [lines[label].get_marker() for label in list(lines)[2:]]
+        assert markers == ["o", "+", "x", "o", "*", "*"]
+        frozen = lines["k = 12, frozen for n steps"]
+        assert frozen.get_linestyle() == "--"
+        # The median of n = 1, 2, 5, 10.
+        np.testing.assert_allclose(
+            x_of(frozen), 0.1 * 1.24 * (0.05 + 0.6 / np.array([1, 2, 5, 10]))
+        )
+        dots = ", ".join(text.get_text() for text in axes.texts).split(", ")
+        assert sorted(dots, key=int) == ["1", "1", "2", "2", "5", "5", "10", "10"]
+    star = figure.axes[0].get_legend_handles_labels()[0][-1]
+    assert y_of(star) == [0.06]
+
+
+def test_acceleration_that_breaks_down() -> None:
+    acceleration, cpu_time = study((12,))
+    acceleration["acceleration_velocity_error"][3] = np.nan
+    velocity, density = plotting.acceleration(acceleration, cpu_time, errors(), "fd").axes
+    (mark,) = on_top_edge(velocity)
+    np.testing.assert_allclose(x_of(mark), [0.1 * 1.24 * (0.05 + 0.6 / 2)])
+    assert velocity.get_title(loc="right") == plotting.BREAKDOWN_NOTE
+    assert not on_top_edge(density)
+
+
+def test_initial_spectrum() -> None:
+    x = np.arange(64) / 64
+    velocity = 0.5 + 3 * np.sin(2 * np.pi * x) + 0.25 * np.cos(2 * np.pi * 5 * x)
+    (axes,) = plotting.initial_spectrum({"velocity": velocity[None]}).axes
+    assert axes.get_yscale() == "log"
+    (shown,) = curves(axes, plotting.BLUE)
+    np.testing.assert_array_equal(x_of(shown), [0, 1, 5])
+    np.testing.assert_allclose(y_of(shown), [0.5, 3, 0.25])
+
+
+def test_phase_looks_at_the_nearest_particle_over_the_whole_duration() -> None:
+    exact = solution()
+    figure = plotting.phase(solution(samples=801), exact, exact, position=0.299, beta=1.0224)
+    upper, lower = figure.axes
+    assert (upper.get_xlim(), lower.get_xlim()) == ((0, 5), (5, 10))
+    assert upper.get_legend_handles_labels()[1] == [
+        "exact solution",
+        "exact, waves β = 1.0224 times as fast",
+        "SPH",
+    ]
+    np.testing.assert_allclose(y_of(upper.lines[0]), 1e3 * exact["velocity"][:201, 24], rtol=1e-12)
+    assert any("x = 0.3 m [10⁻³ m/s]" in text.get_text() for text in visible_texts(figure))
