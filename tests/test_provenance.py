@@ -1,0 +1,109 @@
+"""Code digests: complete, and blind to what computes nothing."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from sphpod import provenance
+
+ROOT = Path(__file__).parents[1]
+SCRIPTS = sorted((ROOT / "workflow" / "scripts").glob("*.py"))
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A copy of the package to edit; its digests are taken afresh every time."""
+    copy = tmp_path / "sphpod"
+    shutil.copytree(provenance.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(provenance, "PACKAGE", copy)
+    return copy
+
+
+def digest(script):
+    for cached in (provenance._tree, provenance._imports, provenance._fingerprint):
+        cached.cache_clear()
+    return provenance.digest(ROOT / "workflow" / "scripts" / f"{script}.py")
+
+
+@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
+def test_closure_is_what_python_imports(script):
+    # As a module, not as __main__, a script only imports. Nothing may be imported that the closure
+    # lacks; what it holds beyond that is imported later, inside a function.
+    program = (
+        "import runpy, sys; runpy.run_path(sys.argv[1], run_name='script');"
+        "print(*(name for name in sys.modules if name.partition('.')[0] == 'sphpod'))"
+    )
+    run = subprocess.run(
+        [sys.executable, "-c", program, script],
+        cwd=ROOT,
+        check=True,
+        capture_output=True,
+        text=True,
+    )
+    imported = {name.removeprefix("sphpod.") for name in run.stdout.split()} - {"sphpod"}
+    found = provenance.closure(script)
+    assert imported | {"__init__"} <= set(found)
+    assert "config" not in found  # what reads the configuration gives results nothing but settings
+
+
+@pytest.mark.parametrize("script", ["sph", "reference", "snapshots", "pod", "reduced_model"])
+def test_solvers_do_not_depend_on_plotting(script):
+    assert "plotting" not in provenance.closure(ROOT / "workflow" / "scripts" / f"{script}.py")
+
+
+def test_imports_of_every_form_are_found(package, tmp_path):
+    for name, text in {
+        "a": "from . import b",
+        "b": "from .c import something",
+        "c": "def late():\n    import sphpod.d",
+        "d": "from sphpod import e, __version__",
+        "e": "import numpy",
+    }.items():
+        (package / f"{name}.py").write_text(text)
+    script = tmp_path / "script.py"
+    script.write_text("from sphpod.a import anything")
+    assert provenance.closure(script) == ("__init__", "a", "b", "c", "d", "e")
+    other = tmp_path / "other.py"
+    other.write_text("import numpy")
+    assert provenance.closure(other) == ()
+
+
+def test_comments_docstrings_and_layout_do_not_count(package):
+    before = digest("sph")
+    sph = package / "sph.py"
+    text = sph.read_text()
+    assert text.startswith('"""')
+    sph.write_text(text.replace('"""', '"""Another beginning. ', 1) + "\n\n\n# And an end.\n")
+    assert digest("sph") == before
+    kernel = package / "kernel.py"
+    kernel.write_text(kernel.read_text() + '\n\ndef more():\n    """Told at length."""\n')
+    changed = digest("sph")
+    kernel.write_text(kernel.read_text().replace("Told at length.", "Told in short."))
+    assert digest("sph") == changed
+
+
+def test_code_counts_where_it_is_used(package):
+    scripts = ("sph", "pod", "figure")
+    before = [digest(script) for script in scripts]
+    (package / "pod.py").write_text((package / "pod.py").read_text() + "\nMORE = 1\n")
+    changed = [digest(script) != old for script, old in zip(scripts, before, strict=True)]
+    assert changed == [False, True, False]
+
+
+def test_version_counts_everywhere(package):
+    before = digest("pod")
+    init = package / "__init__.py"
+    init.write_text(init.read_text().replace("__version__ = ", "__version__ = 'later' + "))
+    assert digest("pod") != before
+
+
+def test_data_files_count_where_they_are_named(package):
+    before = digest("figure"), digest("pod")
+    style = package / "style.mplstyle"
+    style.write_text(style.read_text() + "\nlines.linewidth: 3\n")
+    after = digest("figure"), digest("pod")
+    assert after[0] != before[0]
+    assert after[1] == before[1]
