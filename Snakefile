@@ -24,3 +24,7 @@ rule all:
     input:
         expand("<figures>/{name}.{form}", name=FIGURES, form=["pdf", "png"]),
         "<results>/cpu_time.csv",
+        expand("<results>/claims.{form}", form=["csv", "md"]) if CLAIMS else [],
+        expand("<results>/{table}.csv", table=["conventions", "reference_errors"])
+        if paper.applies(CONFIG)
+        else [],

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sphpod import exact, provenance, snapshots
+from sphpod import claims, exact, paper, provenance, snapshots
 from sphpod.config import ConfigError, check_modes, load, parse_modes
 from sphpod.kernel import derivative_coefficient
 from sphpod.scene import PHYSICS_KEYS, Scene
@@ -30,6 +30,7 @@ try:
         ROOT / "workflow/schemas/config.schema.yaml",
         workflow.config_settings.config,
     )
+    CLAIMS = claims.resolve(CONFIG)
 except ConfigError as error:
     stop(error)
 
@@ -110,6 +111,15 @@ def snapshot_steps(wildcards):
     return np.setdiff1d(steps, scene.error_steps).tolist()
 
 
+def paper_study(wildcards):
+    """What the conventions are studied on; figures are not among it."""
+    scenes = {
+        name: {key: value for key, value in scene.items() if key != "figures"}
+        for name, scene in SCENES.items()
+    }
+    return {"scenes": scenes, "claims": CONFIG["claims"]}
+
+
 def figure_options(wildcards):
     """Arguments of the plotting function of a figure that are not inputs."""
     figure = FIGURES[wildcards.name]
@@ -164,6 +174,13 @@ def known_reduced_model(wildcards):
     except ConfigError as error:
         stop(error)
     return []
+
+
+def paper_inputs(wildcards):
+    if not paper.applies(CONFIG):
+        needed = ", ".join(paper.NEEDED)
+        stop(f"scenes = {', '.join(SCENES)}: the conventions are studied on the paper's, {needed}")
+    return [f"<results>/{path}" for path in paper.inputs(CONFIG)]
 
 
 def figure_inputs(wildcards):

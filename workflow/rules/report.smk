@@ -1,4 +1,4 @@
-"""Results are drawn and told."""
+"""Results are drawn, held against the paper, and told."""
 
 
 rule figure:
@@ -22,3 +22,37 @@ rule figure:
         "Figure {wildcards.name}"
     script:
         "../scripts/figure.py"
+
+
+rule claims:
+    input:
+        [f"<results>/{path}" for path in claims.inputs(CLAIMS)],
+    output:
+        table="<results>/claims.csv",
+        text="<results>/claims.md",
+    log:
+        "<logs>/claims.log",
+    params:
+        claims=CLAIMS,
+        code=code("claims.py"),
+    message:
+        "Claims, each with its verdict"
+    script:
+        "../scripts/claims.py"
+
+
+rule conventions:
+    input:
+        paper_inputs,
+    output:
+        conventions="<results>/conventions.csv",
+        errors="<results>/reference_errors.csv",
+    log:
+        "<logs>/conventions.log",
+    params:
+        study=paper_study,
+        code=code("conventions.py"),
+    message:
+        "Conventions: the paper's numbers with and without each"
+    script:
+        "../scripts/conventions.py"
