@@ -97,6 +97,12 @@ def load(
         "benchmark": {"repeats": DEFAULT_REPEATS, **settings.get("benchmark", {})},
     }
     _check_figure_names(resolved)
+    step_scene = resolved["benchmark"].get("step_scene")
+    if step_scene is not None and step_scene not in resolved["scenes"]:
+        known = ", ".join(resolved["scenes"])
+        raise _refusal(
+            None, "benchmark.step_scene", step_scene, f"no such scene; allowed are {known}"
+        )
     return resolved
 
 

@@ -101,6 +101,7 @@ VARIABLES = _fields() | {
         ("contender",), "1", "modes kept for velocity and density, 0 for a full model", np.int32
     ),
     "cpu_seconds": Variable(("contender", "repeat"), "s", "process time of all time steps"),
+    "step_seconds": Variable(("contender", "repeat"), "s", "process time of one time step"),
 }
 
 

@@ -1,8 +1,11 @@
 """Relative L2 errors over space and time (section 3.1, with the square root it leaves out)."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+
+FIELDS = ("velocity", "density")
 
 
 def relative_error(solution: np.ndarray, reference: np.ndarray) -> float:
@@ -23,6 +26,29 @@ def relative_error(solution: np.ndarray, reference: np.ndarray) -> float:
         wrong += np.vdot(difference, difference)
         right += np.vdot(reference[rows], reference[rows])
     return float(np.sqrt(wrong / right))
+
+
+def compare(solutions: Mapping[str, np.ndarray], references: Sequence[str]) -> np.ndarray:
+    """Errors of full SPH against each reference, and of each reference against the exact solution.
+
+    Parameters
+    ----------
+    solutions : dict
+        One field (times, N) of full SPH, named sph, and of every reference.
+    references : names
+        References in ``solutions``; the exact solution, if it is known, is named exact.
+
+    Returns
+    -------
+    array, shape (solutions, references)
+        Relative L2 errors; NaN where none is asked for.
+    """
+    table = np.full((len(solutions), len(references)), np.nan)
+    for row, (name, field) in enumerate(solutions.items()):
+        for column, reference in enumerate(references):
+            if name == "sph" or (reference == "exact" and name != "exact"):
+                table[row, column] = relative_error(field, solutions[reference])
+    return table
 
 
 @dataclass(frozen=True)
@@ -77,6 +103,13 @@ def project(field: np.ndarray, modes: np.ndarray) -> Projection:
         outside += np.vdot(rest, rest)
         total += np.vdot(field[rows], field[rows])
     return Projection(coordinates, float(outside), float(total))
+
+
+def project_solution(
+    solution: Mapping[str, np.ndarray], modes: Mapping[str, np.ndarray]
+) -> dict[str, Projection]:
+    """Project velocity and density (times, N) of a solution on the modes of each."""
+    return {field: project(solution[field], modes[f"{field}_modes"]) for field in FIELDS}
 
 
 def _blocks(count, size=512):

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sphpod.compiled import compiled, compiled_sums
-from sphpod.error import Projection
+from sphpod.error import FIELDS, Projection
 from sphpod.kernel import derivative, stencil_weights
 from sphpod.scene import ABSENT, Scene
 from sphpod.stability import Breakdown
@@ -206,21 +206,18 @@ def sweep(
     errors = {
         f"{field}_error_{against}": np.full(len(counts), np.inf)
         for against in ("sph", "reference")
-        for field in ("velocity", "density")
+        for field in FIELDS
     }
     breakdown_time = np.full(len(counts), np.nan)
     for n, count in enumerate(counts):
-        model = ReducedModel(
-            scene, method, modes["velocity_modes"][:count], modes["density_modes"][:count]
-        )
-        velocity, density, breakdown = model.solve(steps)
+        velocity, density, breakdown = _model(scene, method, modes, count).solve(steps)
         if breakdown is not None:
             if len(counts) == 1:
                 raise breakdown
             breakdown_time[n] = breakdown.time
             continue
         for against, projections in (("sph", sph), ("reference", reference)):
-            for field, reduced in (("velocity", velocity), ("density", density)):
+            for field, reduced in zip(FIELDS, (velocity, density), strict=True):
                 error = projections[field].relative_error(reduced)
                 errors[f"{field}_error_{against}"][n] = error
     arrays |= errors | {"breakdown_time": breakdown_time}
@@ -231,6 +228,55 @@ def sweep(
             "density_coordinates": density,
         }
     return arrays
+
+
+def acceleration_contenders(n_freeze: Iterable[int]) -> list[str]:
+    """Methods of an acceleration study (section 2.4), by falling number of operations."""
+    return ["original", "linearized", *(f"frozen{n}" for n in n_freeze)]
+
+
+def accelerate(
+    scene: Scene,
+    n_freeze: Iterable[int],
+    mode_counts: Iterable[int],
+    modes: Mapping[str, np.ndarray],
+    sph: Mapping[str, Projection],
+) -> dict[str, np.ndarray]:
+    """Errors of an acceleration study: original, linearized and frozen models against full SPH.
+
+    Parameters
+    ----------
+    scene : Scene
+    n_freeze, mode_counts : ints
+    modes, sph : dict
+        As in ``sweep``.
+
+    Returns
+    -------
+    dict
+        contender and n_freeze (contenders,), mode_count (counts,), acceleration_velocity_error and
+        acceleration_density_error (contenders, counts); infinite where a model broke down.
+    """
+    contenders, counts = acceleration_contenders(n_freeze), list(mode_counts)
+    errors = {field: np.full((len(contenders), len(counts)), np.inf) for field in FIELDS}
+    for row, method in enumerate(contenders):
+        for column, count in enumerate(counts):
+            *reduced, breakdown = _model(scene, method, modes, count).solve(scene.error_steps)
+            if breakdown is None:
+                for field, coordinates in zip(FIELDS, reduced, strict=True):
+                    errors[field][row, column] = sph[field].relative_error(coordinates)
+    return {
+        "contender": np.array(contenders),
+        "n_freeze": np.array([freeze_steps(method) for method in contenders]),
+        "mode_count": np.array(counts),
+    } | {f"acceleration_{field}_error": errors[field] for field in FIELDS}
+
+
+def _model(scene, method, modes, count):
+    """Model with so many modes for velocity and density each, or all there are."""
+    return ReducedModel(
+        scene, method, modes["velocity_modes"][:count], modes["density_modes"][:count]
+    )
 
 
 def tensor_is_cheaper(kv: int, kr: int, particle_count: int, n_freeze: int) -> bool:

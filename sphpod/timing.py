@@ -18,15 +18,13 @@ from threadpoolctl import threadpool_limits
 
 from sphpod import sph
 from sphpod.kernel import neighbour_lists
-from sphpod.rom import ReducedModel, freeze_steps
+from sphpod.rom import ReducedModel, acceleration_contenders, freeze_steps
 from sphpod.scene import Scene
 
+BASELINES = ("sph_neighbour_lists", "sph_stencil")
+"""Full SPH that savings are told against: as an SPH code does it, and for even spacing alone."""
+
 Run = Callable[[np.ndarray, np.ndarray], object]
-
-
-def acceleration_contenders(n_freeze: Sequence[int]) -> list[str]:
-    """Methods of an acceleration study (section 2.4), by falling number of operations."""
-    return ["original", "linearized", *(f"frozen{n}" for n in n_freeze)]
 
 
 def compare(
@@ -76,18 +74,42 @@ def compare(
     }
 
 
-def compare_steps(scene: Scene, step_count: int, repeats: int) -> dict[str, np.ndarray]:
-    """CPU time of explicit Euler steps of full SPH, compiled and as a scipy.sparse loop.
+def savings(measured: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Median CPU time of each contender, its spread, and what it saves against each baseline.
+
+    Parameters
+    ----------
+    measured : dict
+        As from ``compare``.
+
+    Returns
+    -------
+    dict
+        cpu_seconds_median, cpu_seconds_interquartile_range [s], repeats, and
+        saving_against_sph_neighbour_lists, saving_against_sph_stencil: the part of the baseline's
+        time that the contender does not take, negative if it takes more; each (contenders,).
+    """
+    lower, median, upper = np.quantile(measured["cpu_seconds"], (0.25, 0.5, 0.75), axis=1)
+    names = list(measured["contender"])
+    return {
+        "cpu_seconds_median": median,
+        "cpu_seconds_interquartile_range": upper - lower,
+        "repeats": np.full(len(names), measured["cpu_seconds"].shape[1]),
+    } | {f"saving_against_{base}": 1 - median / median[names.index(base)] for base in BASELINES}
+
+
+def compare_steps(scene: Scene, repeats: int, step_count: int = 2000) -> dict[str, np.ndarray]:
+    """CPU time of one explicit Euler step of full SPH, compiled and as a scipy.sparse loop.
 
     Returns
     -------
     dict
         contender (sph_sparse_loop, sph_neighbour_lists, sph_stencil); step_seconds
-        (contenders, repeats), CPU time a step [s].
+        (contenders, repeats), CPU time of a step [s], from runs of ``step_count`` steps.
     """
     steps = np.array([0, step_count])
     kept = np.empty((2, 2, scene.particle_count))
-    runs = {
+    runs: dict[str, Callable[[], object]] = {
         "sph_sparse_loop": lambda: sparse_loop(scene, step_count),
         "sph_neighbour_lists": _call(sph.prepare(scene, steps, "lists"), *kept),
         "sph_stencil": _call(sph.prepare(scene, steps, "stencil"), *kept),
@@ -98,13 +120,37 @@ def compare_steps(scene: Scene, step_count: int, repeats: int) -> dict[str, np.n
     }
 
 
+def speedups(measured: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Median time of a step [s], its spread, and how many times faster than the sparse loop it is.
+
+    Parameters
+    ----------
+    measured : dict
+        As from ``compare_steps``.
+
+    Returns
+    -------
+    dict
+        step_seconds_median, step_seconds_interquartile_range, repeats,
+        speedup_against_sph_sparse_loop; each (contenders,).
+    """
+    lower, median, upper = np.quantile(measured["step_seconds"], (0.25, 0.5, 0.75), axis=1)
+    loop = median[list(measured["contender"]).index("sph_sparse_loop")]
+    return {
+        "step_seconds_median": median,
+        "step_seconds_interquartile_range": upper - lower,
+        "repeats": np.full(median.size, measured["step_seconds"].shape[1]),
+        "speedup_against_sph_sparse_loop": loop / median,
+    }
+
+
 def sparse_loop(scene: Scene, step_count: int) -> tuple[np.ndarray, np.ndarray]:
     """Explicit Euler of full SPH as a plain loop over scipy.sparse products, to compare with.
 
     Returns
     -------
     velocity, density : arrays, shape (N,)
-        After ``step_count`` steps of an undamped scene without force.
+        After ``step_count`` steps.
     """
     from scipy.sparse import csr_array
 
@@ -116,11 +162,16 @@ def sparse_loop(scene: Scene, step_count: int) -> tuple[np.ndarray, np.ndarray]:
     gradient = csr_array((gradients, *index), shape=(count, count))
     velocity, density = scene.velocity0(), scene.density0()
     density0, modulus, dt = density.copy(), scene.modulus(), scene.time_step
-    for _ in range(step_count):
-        stress = modulus * (1 - density0 / density)
-        stretching = gradient @ velocity
-        velocity = velocity - dt / density0 * (gradient @ stress)
-        density = density - dt * density**2 / density0 * stretching
+    damping = scene.damping_values()
+    amplitude, profile = scene.force_values(np.arange(step_count) * dt)
+    for step in range(step_count):
+        rate = -(gradient @ (modulus * (1 - density0 / density))) / density0
+        if damping.size:
+            rate -= damping * velocity
+        if amplitude.size:
+            rate += amplitude[step] * profile
+        density = density - dt * density**2 / density0 * (gradient @ velocity)
+        velocity = velocity + dt * rate
     return velocity, density
 
 

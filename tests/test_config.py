@@ -186,6 +186,7 @@ def test_figure_of_an_acceleration_by_default(load):
 def test_later_files_win(load):
     resolved = load(wave(), {"output": "private", "scenes": {"wave": {"youngs_modulus": 0.2}}})
     assert resolved["output"] == "private"
+    assert load(wave(), {"output": "/scratch/private"})["output"] == "/scratch/private"
     assert resolved["scenes"]["wave"]["youngs_modulus"] == 0.2
     assert resolved["scenes"]["wave"]["particle_count"] == 20
 
@@ -384,8 +385,12 @@ def test_refused_with_scene_key_value_and_what_is_allowed(load, changes, parts):
     ("content", "parts"),
     [
         (wave() | {"sceens": {}}, ["sceens = {}", "unknown key", "did you mean scenes"]),
-        (wave() | {"output": "../elsewhere"}, ["output = ../elsewhere", "relative folders"]),
-        (wave() | {"output": "/elsewhere"}, ["output = /elsewhere", "relative folder"]),
+        (wave() | {"output": "../elsewhere"}, ["output = ../elsewhere", "a folder"]),
+        (wave() | {"output": "/else where"}, ["output = /else where", "without spaces"]),
+        (
+            wave() | {"benchmark": {"step_scene": "none"}},
+            ["benchmark.step_scene = none", "allowed are wave"],
+        ),
         (wave() | {"output": 3}, ["output = 3", "text"]),
         (wave() | {"benchmark": {"repeats": 0}}, ["benchmark.repeats = 0", "at least 1"]),
         (wave() | {"benchmark": {"times": 3}}, ["benchmark.times = 3", "unknown key", "repeats"]),

@@ -1,7 +1,8 @@
 """CPU times."""
 
 import numpy as np
-from scenes import scene
+import pytest
+from scenes import VARIED, scene
 
 from sphpod import pod, snapshots, sph, timing
 
@@ -20,8 +21,29 @@ def test_contenders_of_a_study():
     assert np.all(result["cpu_seconds"] > 0)
 
 
-def test_the_sparse_loop_is_the_same_explicit_euler():
-    case = scene()
+def test_savings_are_the_part_of_each_baseline_that_is_not_taken():
+    measured = {
+        "contender": np.array([*timing.BASELINES, "frozen10"]),
+        "cpu_seconds": np.array([[4.0, 4.0, 5.0], [2.0, 1.0, 2.0], [1.0, 3.0, 1.0]]),
+    }
+    savings = timing.savings(measured)
+    np.testing.assert_allclose(savings["saving_against_sph_neighbour_lists"], [0, 0.5, 0.75])
+    np.testing.assert_allclose(savings["saving_against_sph_stencil"], [-1, 0, 0.5])
+    np.testing.assert_allclose(savings["cpu_seconds_interquartile_range"], [0.5, 0.5, 1])
+
+
+def test_compiled_steps_are_compared_with_the_sparse_loop():
+    measured = timing.compare_steps(scene(), repeats=3, step_count=100)
+    speedups = timing.speedups(measured)
+    assert measured["contender"].tolist() == ["sph_sparse_loop", *timing.BASELINES]
+    assert speedups["speedup_against_sph_sparse_loop"][0] == 1
+    # Far from the ratio that the benchmark reports, so that a busy machine does not fail it.
+    assert speedups["speedup_against_sph_sparse_loop"][2] > 3
+
+
+@pytest.mark.parametrize("changes", [{}, VARIED])
+def test_the_sparse_loop_is_the_same_explicit_euler(changes):
+    case = scene(**changes)
     velocity, density = timing.sparse_loop(case, 30)
     result = sph.solve(case, np.array([30]))
     np.testing.assert_allclose(velocity, result["velocity"][0], rtol=1e-10, atol=1e-15)

@@ -1,5 +1,5 @@
 """Models are timed, each job with the machine to itself. These results alone differ from run to
-run, and what is computed from them: cpu_time.csv, performance.csv, the figures of kind
+run, and what is computed from them: cpu_time.csv, step_time.csv, the figures of kind
 acceleration, and the CPU-time rows of claims.csv."""
 
 
@@ -11,7 +11,7 @@ rule cpu_time:
         "<results>/{scene}/{sampling}/cpu_time.nc",
     log:
         "<logs>/{scene}/{sampling}/cpu_time.log",
-    threads: workflow.cores
+    threads: lambda wildcards: workflow.cores
     params:
         study=study_settings,
         repeats=CONFIG["benchmark"]["repeats"],
@@ -22,16 +22,39 @@ rule cpu_time:
         "../scripts/cpu_time.py"
 
 
+rule step_time:
+    input:
+        known_scene,
+    output:
+        "<results>/{scene}/step_time.nc",
+    log:
+        "<logs>/{scene}/step_time.log",
+    threads: lambda wildcards: workflow.cores
+    params:
+        physics=physics,
+        repeats=CONFIG["benchmark"]["repeats"],
+        code=code("step_time.py"),
+    message:
+        "{wildcards.scene}: CPU time of a step of full SPH"
+    script:
+        "../scripts/step_time.py"
+
+
 rule cpu_time_table:
     input:
-        studies("cpu_time.nc"),
+        lambda wildcards: {"cpu_time": studies("cpu_time.nc"), "step_time": step_times()}[
+            wildcards.kind
+        ],
     output:
-        "<results>/cpu_time.csv",
+        "<results>/{kind}.csv",
     log:
-        "<logs>/cpu_time_table.log",
+        "<logs>/{kind}_table.log",
+    wildcard_constraints:
+        kind="cpu_time|step_time",
     params:
+        kind=lambda wildcards: wildcards.kind,
         code=code("cpu_time_table.py"),
     message:
-        "CPU times and savings of all studies"
+        "CPU times in a table, {wildcards.kind}"
     script:
         "../scripts/cpu_time_table.py"

@@ -1,35 +1,41 @@
-"""Tell CPU times and the savings against both full-SPH baselines in one table."""
+"""Tell measured CPU times in two tables: savings of the studies, speed of a step of full SPH."""
 
-import numpy as np
 import pandas as pd
 
-from sphpod import dataset, log
-
-BASELINES = ("sph_neighbour_lists", "sph_stencil")
+from sphpod import dataset, log, timing
 
 
-def rows(path):
-    settings, arrays = dataset.settings(path), dataset.read(path)
-    lower, median, upper = np.quantile(arrays["cpu_seconds"], (0.25, 0.5, 0.75), axis=1)
-    baselines = {name: median[list(arrays["contender"]).index(name)] for name in BASELINES}
-    return pd.DataFrame(
-        {
-            "scene": settings["scene"],
-            "sampling": settings["sampling"]["name"],
-            "contender": arrays["contender"],
-            "mode_count": arrays["contender_mode_count"],
-            "n_freeze": arrays["n_freeze"],
-            "cpu_seconds_median": median,
-            "cpu_seconds_interquartile_range": upper - lower,
-            "repeats": arrays["cpu_seconds"].shape[1],
-        }
-        | {f"saving_against_{name}": 1 - median / time for name, time in baselines.items()}
+def table(paths, describe):
+    """One table of the datasets, each described by columns that are the same for all."""
+    return pd.concat(
+        pd.DataFrame(
+            {"scene": (settings := dataset.settings(path))["scene"]}
+            | describe(settings, dataset.read(path))
+            | {"machine": settings["machine"]["processor"]}
+        )
+        for path in paths
     )
+
+
+def study(settings, measured):
+    return {
+        "sampling": settings["sampling"]["name"],
+        "contender": measured["contender"],
+        "mode_count": measured["contender_mode_count"],
+        "n_freeze": measured["n_freeze"],
+        **timing.savings(measured),
+    }
+
+
+def step(settings, measured):
+    return {
+        "particle_count": settings["particle_count"],
+        "contender": measured["contender"],
+        **timing.speedups(measured),
+    }
 
 
 if __name__ == "__main__":
     log.start(snakemake.log[0])
-    columns = rows(snakemake.input[0]).columns if snakemake.input else []
-    dataset.write_table(
-        snakemake.output[0], pd.concat([rows(path) for path in snakemake.input], ignore_index=True)
-    )
+    describe = {"cpu_time": study, "step_time": step}[snakemake.params.kind]
+    dataset.write_table(snakemake.output[0], table(snakemake.input, describe))

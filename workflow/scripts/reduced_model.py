@@ -3,30 +3,19 @@
 from sphpod import dataset, error, log, rom
 from sphpod.scene import Scene
 
-
-def projections(path, pod):
-    """Velocity and density of a solution, seen from the modes."""
-    fields = dataset.read_samples(path, "velocity", "density")
-    return {name: error.project(field, pod[f"{name}_modes"]) for name, field in fields.items()}
-
-
 if __name__ == "__main__":
     log.start(snakemake.log[0])
     settings = dataset.settings(snakemake.input.pod)
     scene = Scene.from_settings(settings["scene"], settings)
     method, counts = snakemake.wildcards.method, list(snakemake.params.mode_counts)
     pod = dataset.read(snakemake.input.pod)
-    arrays = rom.sweep(
-        scene,
-        method,
-        counts,
-        pod,
-        sph=projections(snakemake.input.sph, pod),
-        reference=projections(snakemake.input.reference, pod),
+    sph, reference = (
+        error.project_solution(dataset.read_samples(path, *error.FIELDS), pod)
+        for path in (snakemake.input.sph, snakemake.input.reference)
     )
     dataset.write(
         snakemake.output[0],
-        arrays,
+        rom.sweep(scene, method, counts, pod, sph, reference),
         title=f"Reduced model of {scene.name}, {method}",
         settings=settings | {"method": method, "mode_counts": counts},
         code=snakemake.params.code,
