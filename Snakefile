@@ -23,7 +23,8 @@ rule all:
     default_target: True
     input:
         expand("<figures>/{name}.{form}", name=FIGURES, form=["pdf", "png"]),
-        "<results>/cpu_time.csv",
+        "<results>/cpu_time.csv" if studies("cpu_time.nc") else [],
+        "<results>/step_time.csv" if step_times() else [],
         expand("<results>/claims.{form}", form=["csv", "md"]) if CLAIMS else [],
         expand("<results>/{table}.csv", table=["conventions", "reference_errors"])
         if paper.applies(CONFIG)

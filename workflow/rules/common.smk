@@ -81,6 +81,12 @@ def studies(file):
     ]
 
 
+def step_times():
+    """The timing of a step of full SPH, if one is asked for."""
+    scene = CONFIG["benchmark"].get("step_scene")
+    return [f"<results>/{scene}/step_time.nc"] if scene else []
+
+
 # What a rule passes to its script ------------------------------------------------------------------
 
 
