@@ -1,0 +1,350 @@
+"""What the documents say of names, units, files, commands and refusals is true."""
+
+import dataclasses
+import pydoc
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from snakemake.cli import get_argument_parser  # type: ignore[import-untyped]
+
+import sphpod
+from sphpod import config, kernel
+from sphpod.dataset import VARIABLES
+from sphpod.scene import Scene
+
+ROOT = Path(__file__).parents[1]
+SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+DOCUMENTS = {
+    path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
+    for path in (
+        ROOT / "README.md",
+        ROOT / "CHANGELOG.md",
+        ROOT / "figures" / "README.md",
+        *sorted((ROOT / "docs").glob("*.md")),
+    )
+}
+README = DOCUMENTS["README.md"]
+EXAMPLE = "config/mine.yaml"
+"""The file that docs/adding-a-scene.md lets the reader write."""
+
+UNITS = {"m s-1": "m/s", "kg m-3": "kg/m³"}
+"""Units of datasets as the documents write them, where they differ."""
+
+
+def rows(text: str, header: str) -> list[list[str]]:
+    """Cells of the rows of the table whose header begins with a cell."""
+    lines = text[text.index(f"| {header} |") :].split("\n\n")[0].splitlines()[2:]
+    return [[cell.strip() for cell in line.split("|")[1:-1]] for line in lines]
+
+
+def groups(text: str, header: str) -> dict[str, list[list[str]]]:
+    """Rows of a table by the bold cell that they stand under."""
+    found: dict[str, list[list[str]]] = {}
+    for row in rows(text, header):
+        if row[0].startswith("**"):
+            found[row[0].strip("*")] = []
+        else:
+            found[list(found)[-1]].append(row)
+    return found
+
+
+def quoted(text: str) -> list[str]:
+    return re.findall(r"`([^`]+)`", text)
+
+
+def blocks(text: str, language: str) -> list[str]:
+    return re.findall(rf"```{language}\n(.*?)```", text, re.S)
+
+
+def numbers(cell: str) -> list[str]:
+    """Numbered names of a cell such as ``E01, T04–T06`` or ``3.6–3.11``, with those between."""
+    found = []
+    for part in filter(None, cell.split(", ")):
+        first, last = (*part.split("–"), part)[:2]
+        match = re.fullmatch(r"(.*?\.?)(\d+)", first)
+        assert match is not None, part
+        stem, start = match.groups()
+        found += [
+            f"{stem}{number:0{len(start)}d}"
+            for number in range(int(start), int(last.removeprefix(stem)) + 1)
+        ]
+    return found
+
+
+@pytest.fixture(scope="module")
+def paper() -> dict[str, Any]:
+    return config.load([ROOT / "config" / "config.yaml"], SCHEMA)
+
+
+@pytest.fixture(scope="module")
+def schema() -> dict[str, Any]:
+    return config.read_yaml(SCHEMA)
+
+
+@pytest.fixture
+def example(tmp_path) -> Path:
+    (block,) = blocks(DOCUMENTS["docs/adding-a-scene.md"], "yaml")
+    path = tmp_path / EXAMPLE
+    path.parent.mkdir()
+    path.write_text(block, encoding="utf-8")
+    return path
+
+
+# --- Notation -------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def notation() -> dict[str, dict[str, tuple[str, str]]]:
+    """Dimensions and unit of each name, by group."""
+    table: dict[str, dict[str, tuple[str, str]]] = {}
+    for group, entries in groups(DOCUMENTS["docs/notation.md"], "Symbol").items():
+        table[group] = {}
+        for _, meaning, names, dims, units, _ in entries:
+            assert meaning
+            each_name = quoted(names)
+            each_dims = re.findall(r"\([^)]*\)", dims) or [dims]
+            each_unit = units.split(", ")
+            for n, name in enumerate(each_name):
+                table[group][name] = (
+                    each_dims[n if len(each_dims) == len(each_name) else 0],
+                    each_unit[n if len(each_unit) == len(each_name) else 0],
+                )
+    return table
+
+
+def test_notation_has_every_variable_with_its_dimensions_and_unit(notation):
+    stored = ("Solutions", "Errors", "Snapshots", "Modes", "Reduced models", "CPU times")
+    written = {name: entry for group in stored for name, entry in notation[group].items()}
+    assert written == {
+        name: (f"({', '.join(meaning.dims)})", UNITS.get(meaning.units, meaning.units))
+        for name, meaning in VARIABLES.items()
+    }
+
+
+def test_notation_has_every_key_of_a_scene_and_a_sampling_with_its_unit(notation, schema):
+    keys = set(schema["$defs"]["scene"]["properties"])
+    fields = {field.name for field in dataclasses.fields(Scene)}
+    assert set(notation["Scene"]) == keys | fields
+    assert set(notation["Sampling"]) == {
+        *schema["$defs"]["sampling"]["properties"],
+        *schema["$defs"]["acceleration"]["properties"],
+    }
+    for group, table in (("Scene", "scene"), ("Sampling", "sampling")):
+        for key, field in schema["$defs"][table]["properties"].items():
+            if unit := schema_unit(field, schema):
+                assert (key, notation[group][key][1]) == (key, unit)
+
+
+def test_notation_has_all_that_a_scene_and_the_kernel_give(notation):
+    fields = {field.name for field in dataclasses.fields(Scene)}
+    given = {name for name in vars(Scene) if not name.startswith("_")}
+    assert set(notation["Discretisation"]) == given - fields - {"from_settings"}
+    source = Path(kernel.__file__).read_text(encoding="utf-8")
+    assert all(re.search(rf"\b{name}\b", source) for name in notation["Kernel"])
+
+
+def schema_unit(field: dict[str, Any], schema: dict[str, Any]) -> str | None:
+    """Unit that a field's description has in brackets, or that of what the field refers to."""
+    if "description" not in field and "$ref" in field:
+        field = schema["$defs"][field["$ref"].rpartition("/")[2]]
+    match = re.search(r"\[([^\]]+)\]", field.get("description", ""))
+    return match[1].replace("m3", "m³").replace("s2", "s²") if match else None
+
+
+# --- Adding a scene -------------------------------------------------------------------------------
+
+
+def test_example_scene_is_accepted(example):
+    settings = config.load([example], SCHEMA)
+    assert settings["output"] == "mine"
+    (scene,) = settings["scenes"].values()
+    assert scene["references"] == ["centred"]
+    assert {figure["kind"] for figure in scene["figures"]} >= {"profile", "error", "acceleration"}
+
+
+def test_every_key_is_explained_with_its_unit(schema):
+    table = groups(DOCUMENTS["docs/adding-a-scene.md"], "Key")
+    assert list(table) == ["Scene", "Sampling", "Acceleration", "Figure"]
+    for group, entries in table.items():
+        definition = schema["$defs"][group.lower()]
+        keys = {key: row for row in entries for key in quoted(row[0])}
+        assert {key.split(".")[0] for key in keys} == set(definition["properties"])
+        for key, field in definition["properties"].items():
+            _, meaning, unit, default = keys[key]
+            assert meaning
+            assert (key, default.startswith("required")) == (
+                key,
+                key in definition.get("required", ()) or (group == "Figure" and key in CONDITIONAL),
+            )
+            if expected := schema_unit(field, schema):
+                assert (key, unit.split(", ")[0]) == (key, expected)
+
+
+CONDITIONAL = ("sampling", "position")
+"""Keys of a figure that only some kinds have, and need."""
+
+
+def test_refusals_are_worded_as_told(example):
+    settings = config.read_yaml(example)
+    (scene,) = settings["scenes"]
+    for change, answer in rows(DOCUMENTS["docs/adding-a-scene.md"], "Change"):
+        (text,) = quoted(change)
+        key, _, value = text.partition(": ")
+        changed = yaml.safe_load(yaml.safe_dump(settings))
+        *parents, last = key.split(".")
+        place = changed["scenes"][scene]
+        for parent in parents:
+            place = place[parent]
+        example.write_text(f"value: {value}")
+        place[last] = config.read_yaml(example)["value"]
+        example.write_text(yaml.safe_dump(changed, sort_keys=False))
+        with pytest.raises(config.ConfigError) as caught:
+            config.load([example], SCHEMA)
+        pattern = re.escape(answer).replace("…", ".*")
+        assert re.fullmatch(pattern, str(caught.value)), str(caught.value)
+
+
+# --- Commands, links and paths --------------------------------------------------------------------
+
+
+def snakemake_commands() -> list[list[str]]:
+    """Words of all Snakemake commands of the documents, each once."""
+    lines = [
+        line
+        for text in DOCUMENTS.values()
+        for block in blocks(text, "sh")
+        for line in block.split("\n")
+    ]
+    split = [tuple(shlex.split(line, comments=True)) for line in lines]
+    return [list(words[1:]) for words in dict.fromkeys(split) if words[:1] == ("snakemake",)]
+
+
+def test_commands_are_understood():
+    parser = get_argument_parser()
+    commands = snakemake_commands()
+    assert commands
+    for words in commands:
+        options = parser.parse_args(words)
+        for path in options.configfile or ():
+            assert str(path) == EXAMPLE or (ROOT / path).is_file(), words
+
+
+def test_targets_are_known_to_the_workflow(example):
+    """A dry run for each configuration that the documents build single targets of."""
+    parser = get_argument_parser()
+    targets: dict[tuple[str, ...], set[str]] = {}
+    for words in snakemake_commands():
+        options = parser.parse_args(words)
+        given = ["--configfile", *map(str, options.configfile)] if options.configfile else []
+        given += ["--config", *options.config] if options.config else []
+        targets.setdefault(tuple(given), set()).update(options.targets)
+    assert sum(map(len, targets.values())) > 3
+    for chosen, names in targets.items():
+        if not names:
+            continue
+        program = [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile")]
+        run = subprocess.run(
+            [*program, "--dry-run", *sorted(names), *chosen],
+            cwd=example.parents[1],
+            capture_output=True,
+            text=True,
+        )
+        assert run.returncode == 0, run.stdout
+
+
+def test_make_targets_exist():
+    makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
+    for text in DOCUMENTS.values():
+        for block in blocks(text, "sh"):
+            for target in re.findall(r"^make (\w+)", block, re.M):
+                assert re.search(rf"^{target}:", makefile, re.M), target
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_links_lead_somewhere(document):
+    for link in re.findall(r"\]\(([^)\s]+)\)", DOCUMENTS[document]):
+        if link.startswith("https://"):
+            continue
+        path, _, anchor = link.partition("#")
+        target = (ROOT / document).parent / path if path else ROOT / document
+        assert target.exists(), link
+        if anchor:
+            headings = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), re.M)
+            slugs = [re.sub(r"[^\w -]", "", title).lower().replace(" ", "-") for title in headings]
+            assert anchor in slugs, link
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_files_and_names_that_are_mentioned_exist(document):
+    folders = "sphpod|workflow|config|tests|docs|profiles"
+    for text in quoted(re.sub(r"```.*?```", "", DOCUMENTS[document], flags=re.S)):
+        if re.fullmatch(rf"(?:{folders})/[\w./-]*", text) and text != EXAMPLE:
+            assert (ROOT / text).exists(), text
+        if re.fullmatch(r"sphpod(\.\w+)+", text):
+            assert pydoc.locate(text) is not None, text
+
+
+# --- README ---------------------------------------------------------------------------------------
+
+
+def test_map_covers_the_paper(paper):
+    table = rows(README, "Section")
+    drawn = [f["name"] for s in paper["scenes"].values() for f in s["figures"]]
+    drawn += [figure["name"] for figure in paper["illustrations"]]
+    listed = [figure for row in table for figure in numbers(row[2])]
+    assert sorted(listed) == sorted(name.partition("_")[0] for name in drawn)
+    claims = [claim for row in table for claim in numbers(row[3])]
+    assert sorted(claims) == sorted(claim["id"] for claim in paper["claims"])
+    scenes = set()
+    for row in table:
+        scene = ""
+        for name in quoted(row[1]):  # a scene, with or without a sampling, or one more sampling
+            sampling = name
+            if "/" in name or name in paper["scenes"]:
+                scene, _, sampling = name.partition("/")
+            assert not sampling or sampling in paper["scenes"][scene]["samplings"], name
+            scenes.add(scene)
+    assert scenes == set(paper["scenes"])
+
+
+def test_timings_are_all_listed(paper):
+    section = README[README.index("### What is the same") :].split("\n## ")[0]
+    drawn = [
+        figure["name"].partition("_")[0]
+        for scene in paper["scenes"].values()
+        for figure in scene["figures"]
+        if figure["kind"] == "acceleration"
+    ]
+    assert re.findall(r"[A-Z\d]\.\d+", section) == drawn
+    timed = [claim["id"] for claim in paper["claims"] if "cpu_time" in str(claim["criterion"])]
+    assert re.findall(r"[A-Z]\d\d", section) == timed
+
+
+def test_every_rule_is_named():
+    sources = [ROOT / "Snakefile", *(ROOT / "workflow" / "rules").glob("*.smk")]
+    for source in sources:
+        for rule in re.findall(r"^rule (\w+):", source.read_text(encoding="utf-8"), re.M):
+            assert rule == "all" or f"`{rule}`" in README, rule
+
+
+def test_pictures_are_small_and_of_figures(paper):
+    drawn = {f["name"] for s in paper["scenes"].values() for f in s["figures"]}
+    shown = re.findall(r"!\[[^\]]+\]\(docs/images/(.+)\.png\)", README)
+    assert len(shown) == 3
+    assert set(shown) <= drawn
+    pictures = {path.stem: path for path in (ROOT / "docs" / "images").glob("*.png")}
+    assert set(pictures) == set(shown)
+    assert all(path.stat().st_size < 150_000 for path in pictures.values())
+
+
+def test_versions_agree():
+    newest = re.search(r"^## \[(.+?)\]", DOCUMENTS["CHANGELOG.md"], re.M)
+    assert newest is not None
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert newest[1] == citation["version"] == sphpod.__version__
