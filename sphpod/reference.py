@@ -74,25 +74,21 @@ def _solve(scene, refinement, shift):
     density0 = scene.initial_density(x=between)
     velocity = np.empty((steps.size, scene.particle_count))
     density = np.empty_like(velocity)
-    state = np.zeros((3, 3, nodes.size + 1))
-    state[0, 0, 1:] = scene.initial_velocity(x=nodes)
-    state[0, 0, 0] = state[0, 0, -1]
-    state[0, 1, :-1] = density0
-    failed = march(
-        state,
+    inertia = scene.initial_density(x=nodes)
+    material = (
         scene.youngs_modulus(x=between),
         density0,
-        1 / density0 / spacing,
-        1 / scene.initial_density(x=nodes) / spacing,
-        scene.damping_values(nodes),
-        amplitude,
-        profile,
-        scene.density0(),
-        dt,
-        steps,
-        1.0 if shift == 0 else 0.5,
-        velocity,
-        density,
+        1 / (density0 * spacing),
+        1 / (inertia * spacing),
+    )
+    forces = scene.damping_values(nodes), amplitude, profile
+    state = np.zeros((7, nodes.size + 1))
+    state[0, 1:] = scene.initial_velocity(x=nodes)
+    state[0, 0] = state[0, -1]
+    state[1, :-1] = density0
+    left_weight = 1.0 if shift == 0 else 0.5
+    failed = march(
+        state, material, forces, scene.density0(), left_weight, dt, steps, velocity, density
     )
     if failed >= 0:
         row, particle = divmod(failed, scene.particle_count)
@@ -103,28 +99,14 @@ def _solve(scene, refinement, shift):
 
 
 @compiled
-def stage(
-    v,
-    rho,
-    stress,
-    base_v,
-    base_rho,
-    new_v,
-    new_rho,
-    modulus,
-    density0,
-    stretch,
-    inertia,
-    damping,
-    amplitude,
-    profile,
-    sample,
-    dt,
-):
-    """new = base + dt rate(v, rho); v has a ghost on its left, the stress one on its right.
+def stage(old, base, new, stress, material, forces, sample, dt):
+    """new = base + dt rate(old), each the velocity with a ghost on its left, and the density.
 
     The new arrays must be none of the others: loops that may write what they read stay scalar.
     """
+    (v, rho), (base_v, base_rho), (new_v, new_rho) = old, base, new
+    modulus, density0, stretch, inertia = material
+    damping, amplitude, profile = forces
     count = density0.size
     for j in range(count):
         stress[j] = modulus[j] * (density0[j] / rho[j] - 1.0)
@@ -144,72 +126,23 @@ def stage(
 
 
 @compiled
-def march(
-    state,
-    modulus,
-    density0,
-    stretch,
-    inertia,
-    damping,
-    amplitude,
-    profile,
-    particle_density0,
-    dt,
-    steps,
-    left_weight,
-    velocity,
-    density,
-):
+def march(state, material, forces, particle_density0, left_weight, dt, steps, velocity, density):
     """Midpoint rule; keeps velocity and averaged density at the particles.
 
-    ``state`` holds the old and the new velocity and density in turn, and three work arrays.
+    ``state`` holds velocity and density, old, in the middle of a step and new, and the stress.
     """
-    stress, middle_v, middle_rho = state[2, 0], state[2, 1], state[2, 2]
+    old, middle, new = (state[0], state[1]), (state[2], state[3]), (state[4], state[5])
+    stress, density0 = state[6], material[1]
     count = velocity.shape[1]
     refinement = density0.size // count
-    old, done = 0, 0
+    done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
-            new = 1 - old
-            stage(
-                state[old, 0],
-                state[old, 1],
-                stress,
-                state[old, 0],
-                state[old, 1],
-                middle_v,
-                middle_rho,
-                modulus,
-                density0,
-                stretch,
-                inertia,
-                damping,
-                amplitude,
-                profile,
-                2 * step,
-                dt / 2,
-            )
-            stage(
-                middle_v,
-                middle_rho,
-                stress,
-                state[old, 0],
-                state[old, 1],
-                state[new, 0],
-                state[new, 1],
-                modulus,
-                density0,
-                stretch,
-                inertia,
-                damping,
-                amplitude,
-                profile,
-                2 * step + 1,
-                dt,
-            )
-            old = new
+            stage(old, old, middle, stress, material, forces, 2 * step, dt / 2)
+            stage(middle, old, new, stress, material, forces, 2 * step + 1, dt)
+            old, new = new, old
         done = steps[row]
-        v, rho = state[old, 0], state[old, 1]
+        v, rho = old
         for i in range(count):
             j = refinement * i
             left, right = density0[j] / rho[j], density0[j + 1] / rho[j + 1]

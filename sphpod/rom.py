@@ -314,8 +314,13 @@ def add_expansion(coordinates, modes, field):
     for m in range(0, coordinates.size, 4):
         c0, c1, c2, c3 = coordinates[m], coordinates[m + 1], coordinates[m + 2], coordinates[m + 3]
         for i in range(field.size):
-            field[i] += (c0 * modes[m, i] + c1 * modes[m + 1, i]) + (
-                c2 * modes[m + 2, i] + c3 * modes[m + 3, i]
+            # From left to right: one fused multiply-add a mode.
+            field[i] = (
+                field[i]
+                + c0 * modes[m, i]
+                + c1 * modes[m + 1, i]
+                + c2 * modes[m + 2, i]
+                + c3 * modes[m + 3, i]
             )
 
 

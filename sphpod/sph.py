@@ -65,7 +65,8 @@ def prepare(scene: Scene, steps: np.ndarray, neighbours: str):
     amplitude, profile = scene.force_values(np.arange(steps[-1]) * scene.time_step)
     density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
     dt = scene.time_step
-    material = (dt / density0, modulus, modulus * density0, dt * damping, dt * amplitude, profile)
+    material = dt / density0, modulus, modulus * density0
+    forces = dt * damping, dt * amplitude, profile
     if neighbours == "lists":
         volumes = np.full(scene.particle_count, scene.spacing)
         geometry = neighbour_lists(
@@ -77,10 +78,10 @@ def prepare(scene: Scene, steps: np.ndarray, neighbours: str):
         march, ghosts = march_stencil, geometry[0].size
 
     def run(velocity, density):
-        v, stress = np.zeros((2, 2, scene.particle_count + 2 * ghosts))
-        v[0] = np.pad(scene.velocity0(), ghosts, mode="wrap")
+        state = np.zeros((4, scene.particle_count + 2 * ghosts))
+        state[0] = np.pad(scene.velocity0(), ghosts, mode="wrap")
         rho = density0.copy()
-        return march(v, stress, rho, *material, *geometry, steps, velocity, density)
+        return march(state, rho, material, forces, geometry, steps, velocity, density)
 
     return run
 
@@ -111,8 +112,9 @@ def wrap(field, width):
 
 
 @compiled
-def act(new_v, v, offset, damping, amplitude, profile, step):
+def act(new_v, v, offset, forces, step):
     """Add the damping and the force of one step; each is skipped where the scene lacks it."""
+    damping, amplitude, profile = forces
     if damping.size:
         for i in range(damping.size):
             new_v[i + offset] -= damping[i] * v[i + offset]
@@ -123,8 +125,9 @@ def act(new_v, v, offset, damping, amplitude, profile, step):
 
 
 @compiled
-def advance_two(v, new_v, stress, new_stress, rho, inertia, modulus, load, w1, w2):
+def advance_two(v, new_v, stress, new_stress, rho, material, w1, w2):
     """One step for two neighbours on each side: all reads of the old state, one division."""
+    inertia, modulus, load = material
     for i in range(rho.size):
         stretching = w1 * (v[i + 3] - v[i + 1]) + w2 * (v[i + 4] - v[i])
         new_rho = rho[i] - inertia[i] * rho[i] * rho[i] * stretching
@@ -135,8 +138,9 @@ def advance_two(v, new_v, stress, new_stress, rho, inertia, modulus, load, w1, w
 
 
 @compiled
-def advance_any(v, new_v, stress, new_stress, rho, inertia, modulus, load, weights):
+def advance_any(v, new_v, stress, new_stress, rho, material, weights):
     """One step for any number of neighbours; the neighbour loop is outside the particle loop."""
+    inertia, modulus, load = material
     width = weights.size
     for i in range(rho.size):
         new_v[i + width] = 0.0
@@ -154,63 +158,40 @@ def advance_any(v, new_v, stress, new_stress, rho, inertia, modulus, load, weigh
 
 
 @compiled
-def march_stencil(
-    v,
-    stress,
-    rho,
-    inertia,
-    modulus,
-    load,
-    damping,
-    amplitude,
-    profile,
-    weights,
-    steps,
-    velocity,
-    density,
-):
-    """Evenly spaced particles. ``v`` and ``stress`` hold the old and the new state in turn."""
+def march_stencil(state, rho, material, forces, geometry, steps, velocity, density):
+    """Evenly spaced particles. ``state`` holds velocity and stress, old and new, with ghosts."""
+    v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
+    (weights,) = geometry
     width = weights.size
-    old, done = 0, 0
+    acted = forces[0].size > 0 or forces[1].size > 0
+    done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
-            new = 1 - old
             if width == 2:
-                advance_two(
-                    v[old],
-                    v[new],
-                    stress[old],
-                    stress[new],
-                    rho,
-                    inertia,
-                    modulus,
-                    load,
-                    weights[0],
-                    weights[1],
-                )
+                advance_two(v, new_v, stress, new_stress, rho, material, weights[0], weights[1])
             else:
-                advance_any(
-                    v[old], v[new], stress[old], stress[new], rho, inertia, modulus, load, weights
-                )
-            act(v[new], v[old], width, damping, amplitude, profile, step)
-            wrap(v[new], width)
-            wrap(stress[new], width)
-            old = new
+                advance_any(v, new_v, stress, new_stress, rho, material, weights)
+            if acted:
+                act(new_v, v, width, forces, step)
+            wrap(new_v, width)
+            wrap(new_stress, width)
+            v, new_v = new_v, v
+            stress, new_stress = new_stress, stress
         done = steps[row]
-        failed = keep(v[old], width, rho, row, velocity, density)
+        failed = keep(v, width, rho, row, velocity, density)
         if failed >= 0:
             return failed
     return -1
 
 
 @compiled
-def advance_lists(
-    v, new_v, stress, new_stress, rho, inertia, modulus, load, first, neighbours, gradients
-):
+def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
     """One step for particles that each have their own list of neighbours.
 
     Indices are unsigned: with signed ones numba also handles negative indices, three times slower.
     """
+    inertia, modulus, load = material
+    first, neighbours, gradients = geometry
     for i in range(rho.size):
         stretching, pull = 0.0, 0.0
         for n in range(first[i], first[i + 1]):
@@ -224,45 +205,20 @@ def advance_lists(
 
 
 @compiled
-def march_lists(
-    v,
-    stress,
-    rho,
-    inertia,
-    modulus,
-    load,
-    damping,
-    amplitude,
-    profile,
-    first,
-    neighbours,
-    gradients,
-    steps,
-    velocity,
-    density,
-):
-    """Any arrangement of particles. ``v`` and ``stress`` hold the old and the new state in turn."""
-    old, done = 0, 0
+def march_lists(state, rho, material, forces, geometry, steps, velocity, density):
+    """Any arrangement of particles. ``state`` holds velocity and stress, old and new."""
+    v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
+    acted = forces[0].size > 0 or forces[1].size > 0
+    done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
-            new = 1 - old
-            advance_lists(
-                v[old],
-                v[new],
-                stress[old],
-                stress[new],
-                rho,
-                inertia,
-                modulus,
-                load,
-                first,
-                neighbours,
-                gradients,
-            )
-            act(v[new], v[old], 0, damping, amplitude, profile, step)
-            old = new
+            advance_lists(v, new_v, stress, new_stress, rho, material, geometry)
+            if acted:
+                act(new_v, v, 0, forces, step)
+            v, new_v = new_v, v
+            stress, new_stress = new_stress, stress
         done = steps[row]
-        failed = keep(v[old], 0, rho, row, velocity, density)
+        failed = keep(v, 0, rho, row, velocity, density)
         if failed >= 0:
             return failed
     return -1
