@@ -11,6 +11,7 @@ rule cpu_time:
         "<results>/{scene}/{sampling}/cpu_time.nc",
     log:
         "<logs>/{scene}/{sampling}/cpu_time.log",
+    priority: 1  # one after another, before what could run beside them in pairs
     threads: lambda wildcards: workflow.cores
     params:
         study=study_settings,
@@ -29,6 +30,7 @@ rule step_time:
         "<results>/{scene}/step_time.nc",
     log:
         "<logs>/{scene}/step_time.log",
+    priority: 1  # one after another, before what could run beside them in pairs
     threads: lambda wildcards: workflow.cores
     params:
         physics=physics,
