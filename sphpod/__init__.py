@@ -1,3 +1,3 @@
-"""Proper orthogonal decomposition of smoothed particle hydrodynamics of a mass-spring-damper line."""
+"""Proper orthogonal decomposition of smoothed particle hydrodynamics of a mass-spring chain."""
 
 __version__ = "0.1.0"
