@@ -3,6 +3,9 @@
 A criterion looks at one or more places, each a scene with a sampling, and sees there the datasets
 it asks for. What it finds is either a number, compared with the paper's, or a yes or no with the
 measured values that led to it. The configuration names criteria by the names of the functions.
+
+As in the paper, the POD error is that of a reduced model (the original one, unless it is named)
+against full SPH, and the SPH error that of full SPH against the scene's first reference.
 """
 
 import itertools
@@ -82,7 +85,8 @@ def compared(value: float, claim: Mapping[str, Any]) -> Finding:
 
 
 @criterion(
-    "full SPH against {reference}, {field}: relative L2 error within {tolerance} of the paper's",
+    "relative L2 error of full SPH in {field} against {reference}: within {tolerance} of the "
+    "paper's",
     "errors",
     paper="a number",
 )
@@ -136,11 +140,7 @@ def mixing_matrix(places, claim, *, harmonics):
 
 
 def ratios(place: Place) -> np.ndarray:
-    """POD error over SPH error, the larger of velocity's and density's, for each mode count.
-
-    The POD error is that of the original model against full SPH, the SPH error that of full SPH
-    against the scene's first reference.
-    """
+    """POD error over SPH error, the larger of velocity's and density's, for each mode count."""
     return np.maximum(
         *(
             place["sweep"][f"{field}_error_sph"] / place["errors"][f"{field}_error"][0, 0]
@@ -155,8 +155,7 @@ def counted(value: int | None, claim: Mapping[str, Any]) -> Finding:
 
 
 @criterion(
-    "smallest k such that there and for every larger k the original model's errors against full "
-    "SPH, v and ρ, are below those of full SPH",
+    "smallest k such that, there and for every larger k, POD error < SPH error in v and ρ",
     "errors",
     "sweep",
     paper="a number",
@@ -177,8 +176,7 @@ def works_from(places, claim):
 
 
 @criterion(
-    "smallest number of snapshots with which, for some k, the original model's errors against full "
-    "SPH, v and ρ, are below those of full SPH",
+    "smallest number of snapshots with POD error < SPH error in v and ρ for some k",
     "errors",
     "sweep",
     "snapshots",
@@ -200,7 +198,7 @@ def least_ratio(place: Place) -> str:
 
 
 @criterion(
-    "for some k the original model's errors against full SPH, v and ρ, are below those of full SPH",
+    "POD error < SPH error in v and ρ for some k",
     "errors",
     "sweep",
 )
@@ -211,8 +209,7 @@ def works_for_some(places, claim):
 
 
 @criterion(
-    "for no k are the original model's errors against full SPH, v and ρ, both below those of full "
-    "SPH",
+    "POD error < SPH error in v and ρ for no k",
     "errors",
     "sweep",
 )
@@ -223,8 +220,8 @@ def works_for_none(places, claim):
 
 
 @criterion(
-    "{velocity_modes} velocity and {density_modes} density modes, all there are: the original "
-    "model's errors against full SPH, v and ρ, are below those of full SPH",
+    "{velocity_modes} velocity and {density_modes} density modes are all there are, and give "
+    "POD error < SPH error in v and ρ",
     "errors",
     "sweep",
     "pod",
@@ -241,8 +238,7 @@ def works_with_all(places, claim, *, velocity_modes, density_modes):
 
 
 @criterion(
-    "the original model's errors against full SPH, v and ρ, for every k ≥ {begin} are at most "
-    "1/{factor} of those for k = {after}",
+    "POD error in v and ρ for every k ≥ {begin}: at most 1/{factor} of that for k = {after}",
     "sweep",
 )
 def error_drop(places, claim, *, after, begin, factor):
@@ -370,8 +366,7 @@ def told(ratio: Mapping[str, Sequence[float]], mode_counts: Sequence[int]) -> st
 
 
 @criterion(
-    "{method}, k = {mode_counts}: errors against full SPH, v and ρ, below {factor} × those of full "
-    "SPH",
+    "{method}, k = {mode_counts}: POD error < {factor} × SPH error in v and ρ",
     "errors",
     "acceleration",
 )
@@ -383,8 +378,7 @@ def error_below(places, claim, *, method, mode_counts, factor):
 
 
 @criterion(
-    "{method}, k = {mode_counts}: errors against full SPH, v and ρ, above {factor} × those of full "
-    "SPH",
+    "{method}, k = {mode_counts}: POD error > {factor} × SPH error in v and ρ",
     "errors",
     "acceleration",
 )
@@ -396,9 +390,8 @@ def error_above(places, claim, *, method, mode_counts, factor):
 
 
 @criterion(
-    "k = {mode_counts}: from each frozen model to the one frozen longer the {rising} error against "
-    "full SPH rises, from first to last by {rise} or more, and the {steady} error stays within "
-    "{spread} of its smallest value",
+    "k = {mode_counts}: the {rising} POD error rises with every step of n_freeze, by {rise} "
+    "or more in all; the {steady} POD error stays within {spread} of its smallest value",
     "acceleration",
 )
 def freezing_effect(places, claim, *, mode_counts, rising, steady, rise, spread):
@@ -435,8 +428,8 @@ def median_times(place: Place) -> dict[tuple[str, int], float]:
 
 
 @criterion(
-    "k = {mode_counts}: {method} takes less CPU time than full SPH with neighbour lists and with "
-    "the stencil, and from each frozen model to the one frozen longer the time falls",
+    "k = {mode_counts}: CPU time of {method} below those of full SPH with neighbour lists and "
+    "with the stencil, and falling with n_freeze",
     "cpu_time",
     paper="a percentage",
 )
@@ -468,8 +461,8 @@ def cpu_time_saved(places, claim, *, method, mode_counts):
 
 
 @criterion(
-    "{methods}, every k: CPU time between 1/{factor} and {factor} times that of full SPH, with "
-    "neighbour lists and with the stencil",
+    "CPU times of {methods} for every k: between 1/{factor} and {factor} times those of full "
+    "SPH with neighbour lists and with the stencil",
     "cpu_time",
 )
 def cpu_time_alike(places, claim, *, methods, factor):

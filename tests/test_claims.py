@@ -427,6 +427,16 @@ def test_two_claims_of_one_id_are_refused():
         claims.resolve(twice)
 
 
+def test_the_page_on_the_paper_has_all_claims_as_configured():
+    page = (ROOT / "docs" / "reproducing-the-paper.md").read_text(encoding="utf-8")
+    lines = {line.split(" | ")[0].strip("| "): line for line in page.splitlines()}
+    for claim in claims.resolve(PAPER):
+        cells = [cell.strip() for cell in lines[claim["id"]].strip("|").split(" | ")]
+        assert cells[1].startswith(claim["claim"])
+        assert cells[2] == claims.statement(claim)
+        assert cells[-1] in ("reproduced", "**deviates**")
+
+
 # Tables -------------------------------------------------------------------------------------------
 
 TABLE = [
@@ -463,6 +473,8 @@ def test_the_table_for_reading_has_a_line_a_claim():
     resolved = claims.resolve({**SMALL, "claims": TABLE})
     lines = claims.markdown(claims.table(resolved, read)).splitlines()
     assert len(lines) == 2 + len(TABLE)
-    assert lines[2].startswith("| E01 | v (waves) | full SPH against fd, velocity")
+    assert lines[2].startswith(
+        "| E01 | v (waves) | relative L2 error of full SPH in velocity against fd"
+    )
     assert lines[3].endswith("| **deviates** |")
     assert "a \\| b" in lines[4]

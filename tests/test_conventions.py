@@ -12,6 +12,7 @@ from sphpod import (
     conventions,
     error,
     exact,
+    kernel,
     paper,
     pod,
     reference,
@@ -93,6 +94,17 @@ def test_a_field_is_shifted_by_a_fraction_of_a_cell():
 
     shifted = conventions._shifted(field(x), -1 / 4)
     assert shifted == pytest.approx(field(x + 1 / 80), abs=1e-13)
+
+
+def test_between_1_and_three_halves_dispersion_grows_and_beta_is_1_at_two_ratios():
+    ratios = np.linspace(1.001, 1.499, 499)
+    dispersion = [kernel.dispersion_coefficient(ratio) for ratio in ratios]
+    beta = np.array([kernel.derivative_coefficient(ratio) for ratio in ratios])
+    assert np.all(np.diff(dispersion) > 0)
+    assert ratios[np.abs(beta - 1).argmax()] == pytest.approx(1.25, abs=1e-3)
+    assert np.count_nonzero(np.diff(np.sign(beta - 1))) == 1
+    for ratio in (1, np.sqrt(6) - 1):
+        assert kernel.derivative_coefficient(ratio) == pytest.approx(1, abs=1e-14)
 
 
 # The paper's study, cut down to a moment ----------------------------------------------------------

@@ -18,4 +18,4 @@ if __name__ == "__main__":
         (snakemake.output.conventions, conventions.table(study, read)),
         (snakemake.output.errors, paper.reference_errors(study, read)),
     ):
-        dataset.write_table(output, pd.DataFrame(rows))
+        dataset.write_table(output, pd.DataFrame(rows, dtype=object))
