@@ -88,8 +88,8 @@ class ReducedModel:
         stretch = -dt * derivative(velocity_modes, weights) / density0
         start = velocity_modes @ scene.velocity0(), density_modes @ density0
         start_a, start_b = map(_padded, start)
-        damping, amplitude, push = self._project_forces(dt, steps[-1])
-        forces = _padded(damping.T, both=True), amplitude, _padded(push)
+        decay, damping, amplitude, push = self._project_forces(dt, steps[-1])
+        forces = decay, _padded(damping.T, both=True), amplitude, _padded(push)
         on_particles = _padded(stretch), _padded(density_modes)
         march: Callable[..., None]
         operators: tuple[object, ...]
@@ -139,13 +139,18 @@ class ReducedModel:
         return velocity_coordinates, density_coordinates, breakdown
 
     def _project_forces(self, dt, step_count):
-        """-Δt Uvᵀ D Uv, and the force: its amplitude in every step and Δt times its projection."""
+        """Damping and force of a step: 1 - Δt d where d is the same everywhere, else 1 and the
+        matrix -Δt Uvᵀ D Uv; amplitude of the force in every step, and Δt times its projection."""
         scene, modes = self.scene, self.velocity_modes
         d = scene.damping_values()
-        damping = -dt * (modes * d) @ modes.T if d.size else np.zeros((0, 0))
+        decay, damping = 1.0, np.zeros((0, 0))
+        if d.size and d.min() == d.max():
+            decay = 1 - dt * float(d[0])
+        elif d.size:
+            damping = -dt * (modes * d) @ modes.T
         amplitude, profile = scene.force_values(np.arange(step_count) * dt)
         push = dt * modes @ profile if amplitude.size else ABSENT
-        return damping, amplitude, push
+        return decay, damping, amplitude, push
 
     def _broken(self, velocity_coordinates, density_coordinates):
         """First row and particle without finite state and positive density, or (-1, -1)."""
@@ -357,7 +362,7 @@ def add_push(push, amplitude, step, result):
 
 @compiled
 def march_particles(
-    a, b, pull, stretch, density_modes, density0, linear, damping, amplitude, push, steps,
+    a, b, pull, stretch, density_modes, density0, linear, decay, damping, amplitude, push, steps,
     velocity_coordinates, density_coordinates,
 ):  # fmt: skip
     """Original and linearized model: the nonlinearity is evaluated on the particles."""
@@ -369,8 +374,9 @@ def march_particles(
         for step in range(done, steps[row]):
             for m in range(a.size):
                 old_a[m] = a[m]
+                a[m] *= decay
             expand(b, density_modes, rho)
-            expand(a, stretch, rate)
+            expand(old_a, stretch, rate)
             for i in range(rho.size):
                 rate[i] *= rho[i] * rho[i]
             if linear:
@@ -392,7 +398,7 @@ def march_particles(
 
 @compiled
 def march_frozen(
-    a, b, force, constant, stretch, density_modes, n_freeze, damping, amplitude, push, steps,
+    a, b, force, constant, stretch, density_modes, n_freeze, decay, damping, amplitude, push, steps,
     velocity_coordinates, density_coordinates,
 ):  # fmt: skip
     """Frozen coefficients, with ρ² kept on the particles between refreshes."""
@@ -408,7 +414,7 @@ def march_frozen(
                     squares[i] *= squares[i]
             for m in range(a.size):
                 old_a[m] = a[m]
-                a[m] += constant[m]
+                a[m] = decay * a[m] + constant[m]
             add_expansion(b, force, a)
             if damping.size:
                 add_expansion(old_a, damping, a)
@@ -436,7 +442,7 @@ def refresh(b, kr, products, tensor, matrix):
 
 @compiled
 def march_tensor(
-    a, b, force, constant, tensor, n_freeze, damping, amplitude, push, steps,
+    a, b, force, constant, tensor, n_freeze, decay, damping, amplitude, push, steps,
     velocity_coordinates, density_coordinates,
 ):  # fmt: skip
     """Frozen coefficients, wholly in reduced coordinates: no particle is seen."""
@@ -452,7 +458,7 @@ def march_tensor(
                 refresh(b, kr, products, tensor, flat)
             for m in range(a.size):
                 old_a[m] = a[m]
-                a[m] += constant[m]
+                a[m] = decay * a[m] + constant[m]
             add_expansion(b, force, a)
             if damping.size:
                 add_expansion(old_a, damping, a)

@@ -74,8 +74,11 @@ def prepare(scene: Scene, steps: np.ndarray, neighbours: str):
         )
         march, ghosts = march_lists, 0
     else:
-        geometry = (stencil_weights(scene.spacing, scene.smoothing_ratio),)
-        march, ghosts = march_stencil, geometry[0].size
+        weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+        # Two and four neighbours have kernels of their own, which serve fewer with weights of zero.
+        ghosts = next((width for width in (2, 4) if weights.size <= width), weights.size)
+        geometry = (np.pad(weights, (0, ghosts - weights.size)),)
+        march = march_stencil
 
     def run(velocity, density):
         state = np.zeros((4, scene.particle_count + 2 * ghosts))
@@ -138,6 +141,22 @@ def advance_two(v, new_v, stress, new_stress, rho, material, w1, w2):
 
 
 @compiled
+def advance_four(v, new_v, stress, new_stress, rho, material, weights):
+    """One step for four neighbours on each side."""
+    inertia, modulus, load = material
+    w1, w2, w3, w4 = weights[0], weights[1], weights[2], weights[3]
+    for i in range(rho.size):
+        near = w1 * (v[i + 5] - v[i + 3]) + w2 * (v[i + 6] - v[i + 2])
+        stretching = near + w3 * (v[i + 7] - v[i + 1]) + w4 * (v[i + 8] - v[i])
+        new_rho = rho[i] - inertia[i] * rho[i] * rho[i] * stretching
+        rho[i] = new_rho
+        new_stress[i + 4] = modulus[i] - load[i] / new_rho
+        near = w1 * (stress[i + 5] - stress[i + 3]) + w2 * (stress[i + 6] - stress[i + 2])
+        pull = near + w3 * (stress[i + 7] - stress[i + 1]) + w4 * (stress[i + 8] - stress[i])
+        new_v[i + 4] = v[i + 4] - inertia[i] * pull
+
+
+@compiled
 def advance_any(v, new_v, stress, new_stress, rho, material, weights):
     """One step for any number of neighbours; the neighbour loop is outside the particle loop."""
     inertia, modulus, load = material
@@ -169,6 +188,8 @@ def march_stencil(state, rho, material, forces, geometry, steps, velocity, densi
         for step in range(done, steps[row]):
             if width == 2:
                 advance_two(v, new_v, stress, new_stress, rho, material, weights[0], weights[1])
+            elif width == 4:
+                advance_four(v, new_v, stress, new_stress, rho, material, weights)
             else:
                 advance_any(v, new_v, stress, new_stress, rho, material, weights)
             if acted:

@@ -12,6 +12,7 @@ from sphpod.stability import Breakdown
 SETTINGS = {
     "plain": {},
     "damped": {"damping": 3},
+    "unevenly damped": {"damping": "3 + sin(2*pi*x/L)"},
     "forced": {"force": "1e-3*cos(9*t)"},
     "varied": VARIED,
     "four neighbours": {"smoothing_ratio": 2.3},

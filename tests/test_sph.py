@@ -15,7 +15,9 @@ SETTINGS = {
     "forced": {"force": "1e-3*cos(9*t)"},
     "varied": VARIED,
     "one neighbour": {"smoothing_ratio": 0.9},
+    "three neighbours": {"smoothing_ratio": 1.7},
     "four neighbours": {"smoothing_ratio": 2.3},
+    "six neighbours": {"smoothing_ratio": 3.3},
     "interface": {"youngs_modulus": "where(x < L/2, 0.1, 0.2)", "interface": "mean"},
 }
 
