@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.error import FIELDS
 from sphpod.scene import Scene
 
 
@@ -28,10 +29,11 @@ def sampling_steps(scene: Scene, sampling: Mapping[str, Any]) -> tuple[np.ndarra
     """
     dt = scene.time_step
     if "velocity_times" in sampling:
-        return tuple(
+        velocity_steps, density_steps = (
             np.sort(np.rint(np.array(sampling[f"{field}_times"], float) / dt)).astype(np.int64)
-            for field in ("velocity", "density")
+            for field in FIELDS
         )
+        return velocity_steps, density_steps
     start, end = sampling["range"]
     count = sampling["count"]
     if "seed" in sampling:
@@ -82,7 +84,7 @@ def extract(
     """
     kept = np.rint(solution["t"] / scene.time_step).astype(np.int64)
     arrays = {"x": solution["x"]}
-    for field, steps in zip(("velocity", "density"), sampling_steps(scene, sampling), strict=True):
+    for field, steps in zip(FIELDS, sampling_steps(scene, sampling), strict=True):
         rows = np.searchsorted(kept, steps)
         if np.any(rows == kept.size) or np.any(kept[rows] != steps):
             raise ValueError(f"scene {scene.name}: full SPH was not kept at every {field} snapshot")
