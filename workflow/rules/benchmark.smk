@@ -1,6 +1,6 @@
 """Models are timed, each job with the machine to itself. These results alone differ from run to
 run, and what is computed from them: cpu_time.csv, step_time.csv, the figures of kind
-acceleration, and the CPU-time rows of claims.csv."""
+acceleration, and the CPU-time rows of claims.csv and claims.md."""
 
 
 rule cpu_time:
