@@ -15,8 +15,9 @@ frozen1, frozen2, …
 """
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from itertools import groupby, islice
 
 import numpy as np
 
@@ -27,7 +28,10 @@ from sphpod.scene import ABSENT, Scene
 from sphpod.stability import Breakdown
 
 GROUP = 4
-"""Modes that a kernel takes at once, so that it passes over the particles less often."""
+"""Modes, and models, that a kernel takes at once, so that it passes over memory less often."""
+
+Solution = tuple[np.ndarray, np.ndarray, Breakdown | None]
+"""Velocity coordinates (times, kv), density coordinates (times, kρ), and how the model broke."""
 
 
 def freeze_steps(method: str) -> int:
@@ -80,40 +84,38 @@ class ReducedModel:
             ``run(velocity_coordinates, density_coordinates)`` fills arrays of shapes (times, kv)
             and (times, kρ).
         """
+        march, start_a, start_b, arguments = self._project(steps)
+
+        def run(velocity_coordinates, density_coordinates):
+            a, b = start_a.copy(), start_b.copy()
+            march(a, b, *arguments, steps, velocity_coordinates, density_coordinates)
+
+        return run
+
+    def _project(self, steps):
+        """Kernel, initial coordinates, and the operators and forces that the kernel takes."""
         scene, n_freeze = self.scene, freeze_steps(self.method)
         velocity_modes, density_modes = self.velocity_modes, self.density_modes
         density0, dt = scene.density0(), scene.time_step
         weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
         pull = dt * derivative(velocity_modes / density0, weights) * scene.modulus()
         stretch = -dt * derivative(velocity_modes, weights) / density0
-        start = velocity_modes @ scene.velocity0(), density_modes @ density0
-        start_a, start_b = map(_padded, start)
+        start = _padded(velocity_modes @ scene.velocity0()), _padded(density_modes @ density0)
         decay, damping, amplitude, push = self._project_forces(dt, steps[-1])
         forces = decay, _padded(damping.T, both=True), amplitude, _padded(push)
         on_particles = _padded(stretch), _padded(density_modes)
-        march: Callable[..., None]
-        operators: tuple[object, ...]
         if n_freeze == 0:
-            march = march_particles
             operators = _padded(pull), *on_particles, density0, self.method == "linearized"
-        else:
-            force = _padded(density_modes @ (pull / density0).T, both=True)
-            constant = _padded(-pull.sum(axis=1))
-            kv, kr = len(velocity_modes), len(density_modes)
-            if tensor_is_cheaper(kv, kr, density0.size, n_freeze):
-                march = march_tensor
-                operators = force, constant, _quadratic_tensor(*on_particles, kr), n_freeze
-            else:
-                march = march_frozen
-                operators = force, constant, *on_particles, n_freeze
+            return march_particles, *start, (*operators, *forces)
+        force = _padded(density_modes @ (pull / density0).T, both=True)
+        constant = _padded(-pull.sum(axis=1))
+        kv, kr = len(velocity_modes), len(density_modes)
+        if tensor_is_cheaper(kv, kr, density0.size, n_freeze):
+            tensor = _quadratic_tensor(*on_particles, kr)
+            return march_tensor, *start, (force, constant, tensor, n_freeze, *forces)
+        return march_frozen, *start, (force, constant, *on_particles, n_freeze, *forces)
 
-        def run(velocity_coordinates, density_coordinates):
-            a, b = start_a.copy(), start_b.copy()
-            march(a, b, *operators, *forces, steps, velocity_coordinates, density_coordinates)
-
-        return run
-
-    def solve(self, steps: np.ndarray) -> tuple[np.ndarray, np.ndarray, Breakdown | None]:
+    def solve(self, steps: np.ndarray) -> Solution:
         """Run the model.
 
         Parameters
@@ -130,12 +132,7 @@ class ReducedModel:
         velocity_coordinates = np.empty((steps.size, len(self.velocity_modes)))
         density_coordinates = np.empty((steps.size, len(self.density_modes)))
         run(velocity_coordinates, density_coordinates)
-        row, particle = self._broken(velocity_coordinates, density_coordinates)
-        breakdown = None
-        if row >= 0:
-            time = steps[row] * self.scene.time_step
-            model = f"the {self.method} model with {len(self.velocity_modes)} modes"
-            breakdown = Breakdown(self.scene.name, model, time, particle)
+        breakdown = self._breakdown(velocity_coordinates, density_coordinates, steps)
         return velocity_coordinates, density_coordinates, breakdown
 
     def _project_forces(self, dt, step_count):
@@ -151,6 +148,13 @@ class ReducedModel:
         amplitude, profile = scene.force_values(np.arange(step_count) * dt)
         push = dt * modes @ profile if amplitude.size else ABSENT
         return decay, damping, amplitude, push
+
+    def _breakdown(self, velocity_coordinates, density_coordinates, steps):
+        row, particle = self._broken(velocity_coordinates, density_coordinates)
+        if row < 0:
+            return None
+        model = f"the {self.method} model with {len(self.velocity_modes)} modes"
+        return Breakdown(self.scene.name, model, steps[row] * self.scene.time_step, particle)
 
     def _broken(self, velocity_coordinates, density_coordinates):
         """First row and particle without finite state and positive density, or (-1, -1)."""
@@ -214,8 +218,8 @@ def sweep(
         for field in FIELDS
     }
     breakdown_time = np.full(len(counts), np.nan)
-    for n, count in enumerate(counts):
-        velocity, density, breakdown = _model(scene, method, modes, count).solve(steps)
+    models = [_model(scene, method, modes, count) for count in counts]
+    for n, (velocity, density, breakdown) in enumerate(solve_each(models, steps)):
         if breakdown is not None:
             if len(counts) == 1:
                 raise breakdown
@@ -233,6 +237,46 @@ def sweep(
             "density_coordinates": density,
         }
     return arrays
+
+
+def solve_each(models: Iterable[ReducedModel], steps: np.ndarray) -> Iterator[Solution]:
+    """Solutions of models of one scene and method, of which each has the modes of the one before.
+
+    Where the particles are seen in every step, up to four models of about the same size are run
+    together, which passes over the modes once for all of them.
+    """
+
+    def size(model):
+        return (
+            -(-len(model.velocity_modes) // GROUP),
+            -(-len(model.density_modes) // GROUP),
+            freeze_steps(model.method) == 0,
+        )
+
+    for (_, _, together), same in groupby(models, size):
+        while group := list(islice(same, GROUP)):
+            if together and len(group) > 1:
+                yield from _solve_four(group, steps)
+            else:
+                yield from (model.solve(steps) for model in group)
+
+
+def _solve_four(models, steps):
+    """Solutions of two to four models; where there are fewer than four, the last runs twice."""
+    _, start_a, start_b, arguments = models[-1]._project(steps)
+    four = [*models, *[models[-1]] * (GROUP - len(models))]
+    mask_a = np.array([np.arange(start_a.size) < len(m.velocity_modes) for m in four], float)
+    mask_b = np.array([np.arange(start_b.size) < len(m.density_modes) for m in four], float)
+    a, b = mask_a * start_a, mask_b * start_b
+    velocity = np.empty((steps.size, *a.shape))
+    density = np.empty((steps.size, *b.shape))
+    march_four(a, b, mask_a, mask_b, *arguments, steps, velocity, density)
+    for n, model in enumerate(models):
+        reduced = (
+            np.ascontiguousarray(velocity[:, n, : len(model.velocity_modes)]),
+            np.ascontiguousarray(density[:, n, : len(model.density_modes)]),
+        )
+        yield *reduced, model._breakdown(*reduced, steps)
 
 
 def acceleration_contenders(n_freeze: Iterable[int]) -> list[str]:
@@ -394,6 +438,92 @@ def march_particles(
         done = steps[row]
         velocity_coordinates[row] = a[:kv]
         density_coordinates[row] = b[:kr]
+
+
+@compiled
+def expand_four(coordinates, modes, fields):
+    """fields[g] = Σ_m coordinates[g, m] modes[m] of four models, four modes at once."""
+    for g in range(4):
+        for i in range(fields.shape[1]):
+            fields[g, i] = 0.0
+    for m in range(0, coordinates.shape[1], 4):
+        a0, a1, a2, a3 = coordinates[0, m : m + 4]
+        b0, b1, b2, b3 = coordinates[1, m : m + 4]
+        c0, c1, c2, c3 = coordinates[2, m : m + 4]
+        d0, d1, d2, d3 = coordinates[3, m : m + 4]
+        for i in range(fields.shape[1]):
+            u0, u1, u2, u3 = modes[m, i], modes[m + 1, i], modes[m + 2, i], modes[m + 3, i]
+            fields[0, i] = fields[0, i] + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3
+            fields[1, i] = fields[1, i] + b0 * u0 + b1 * u1 + b2 * u2 + b3 * u3
+            fields[2, i] = fields[2, i] + c0 * u0 + c1 * u1 + c2 * u2 + c3 * u3
+            fields[3, i] = fields[3, i] + d0 * u0 + d1 * u1 + d2 * u2 + d3 * u3
+
+
+@compiled_sums
+def add_projection_four(fields, modes, mask, coordinates):
+    """coordinates[g, m] += mask[g, m] Σ_i modes[m, i] fields[g, i] of four models."""
+    for m in range(0, coordinates.shape[1], 4):
+        a0 = a1 = a2 = a3 = b0 = b1 = b2 = b3 = 0.0
+        c0 = c1 = c2 = c3 = d0 = d1 = d2 = d3 = 0.0
+        for i in range(fields.shape[1]):
+            u0, u1, u2, u3 = modes[m, i], modes[m + 1, i], modes[m + 2, i], modes[m + 3, i]
+            a, b, c, d = fields[0, i], fields[1, i], fields[2, i], fields[3, i]
+            a0, a1, a2, a3 = a0 + u0 * a, a1 + u1 * a, a2 + u2 * a, a3 + u3 * a
+            b0, b1, b2, b3 = b0 + u0 * b, b1 + u1 * b, b2 + u2 * b, b3 + u3 * b
+            c0, c1, c2, c3 = c0 + u0 * c, c1 + u1 * c, c2 + u2 * c, c3 + u3 * c
+            d0, d1, d2, d3 = d0 + u0 * d, d1 + u1 * d, d2 + u2 * d, d3 + u3 * d
+        sums = ((a0, a1, a2, a3), (b0, b1, b2, b3), (c0, c1, c2, c3), (d0, d1, d2, d3))
+        for g in range(4):
+            for n in range(4):
+                coordinates[g, m + n] += mask[g, m + n] * sums[g][n]
+
+
+@compiled
+def march_four(
+    a, b, mask_a, mask_b, pull, stretch, density_modes, density0, linear, decay, damping, amplitude,
+    push, steps, velocity_coordinates, density_coordinates,
+):  # fmt: skip
+    """As march_particles, for four models whose modes are the first of the same modes.
+
+    The masks are zero at the modes that a model does not have.
+    """
+    rho, rate = np.empty((4, density0.size)), np.empty((4, density0.size))
+    old_a = a.copy()
+    done = 0
+    for row in range(steps.size):
+        for step in range(done, steps[row]):
+            for g in range(4):
+                for m in range(a.shape[1]):
+                    old_a[g, m] = a[g, m]
+                    a[g, m] *= decay
+            expand_four(b, density_modes, rho)
+            expand_four(old_a, stretch, rate)
+            for g in range(4):
+                for i in range(density0.size):
+                    rate[g, i] *= rho[g, i] * rho[g, i]
+                if linear:
+                    for i in range(density0.size):
+                        rho[g, i] = rho[g, i] / density0[i] - 1.0
+                else:
+                    for i in range(density0.size):
+                        rho[g, i] = 1.0 - density0[i] / rho[g, i]
+            add_projection_four(rate, density_modes, mask_b, b)
+            add_projection_four(rho, pull, mask_a, a)
+            if damping.size:
+                for g in range(4):
+                    for n in range(damping.shape[0]):
+                        for m in range(damping.shape[0]):
+                            a[g, m] += mask_a[g, m] * damping[n, m] * old_a[g, n]
+            if amplitude.size:
+                for g in range(4):
+                    for m in range(push.size):
+                        a[g, m] += mask_a[g, m] * push[m] * amplitude[step]
+        done = steps[row]
+        for g in range(4):
+            for m in range(a.shape[1]):
+                velocity_coordinates[row, g, m] = a[g, m]
+            for m in range(b.shape[1]):
+                density_coordinates[row, g, m] = b[g, m]
 
 
 @compiled
