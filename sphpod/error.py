@@ -59,6 +59,8 @@ class Projection:
     ----------
     coordinates : array, shape (times, modes)
         Coordinates of the field's projection on each mode.
+    squares : array, shape (modes,)
+        Σ_n of the squares of each coordinate.
     outside : float
         Σ_n Σ_i of the squares of what all modes together leave of the field.
     total : float
@@ -66,6 +68,7 @@ class Projection:
     """
 
     coordinates: np.ndarray
+    squares: np.ndarray
     outside: float
     total: float
 
@@ -85,10 +88,9 @@ class Projection:
             Relative L2 error; infinite if the coordinates are not finite.
         """
         k = reduced.shape[1]
-        inside = reduced - self.coordinates[:, :k]
-        neglected = self.coordinates[:, k:]
         with np.errstate(over="ignore", invalid="ignore"):
-            squares = np.vdot(inside, inside) + np.vdot(neglected, neglected) + self.outside
+            inside = reduced - self.coordinates[:, :k]
+            squares = np.vdot(inside, inside) + self.squares[k:].sum() + self.outside
             error = float(np.sqrt(squares / self.total))
         return error if np.isfinite(error) else float("inf")
 
@@ -102,14 +104,15 @@ def project(field: np.ndarray, modes: np.ndarray) -> Projection:
         rest = field[rows] - coordinates[rows] @ modes
         outside += np.vdot(rest, rest)
         total += np.vdot(field[rows], field[rows])
-    return Projection(coordinates, float(outside), float(total))
+    squares = np.einsum("tm,tm->m", coordinates, coordinates)
+    return Projection(coordinates, squares, float(outside), float(total))
 
 
 def project_solution(
-    solution: Mapping[str, np.ndarray], modes: Mapping[str, np.ndarray]
+    solution: Mapping[str, np.ndarray], modes: Mapping[str, np.ndarray], count: int
 ) -> dict[str, Projection]:
-    """Project velocity and density (times, N) of a solution on the modes of each."""
-    return {field: project(solution[field], modes[f"{field}_modes"]) for field in FIELDS}
+    """Project velocity and density (times, N) of a solution on the first modes of each."""
+    return {field: project(solution[field], modes[f"{field}_modes"][:count]) for field in FIELDS}
 
 
 def _blocks(count, size=512):

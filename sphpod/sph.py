@@ -80,9 +80,11 @@ def prepare(scene: Scene, steps: np.ndarray, neighbours: str):
         geometry = (np.pad(weights, (0, ghosts - weights.size)),)
         march = march_stencil
 
+    velocity0 = np.pad(scene.velocity0(), ghosts, mode="wrap")
+
     def run(velocity, density):
-        state = np.zeros((4, scene.particle_count + 2 * ghosts))
-        state[0] = np.pad(scene.velocity0(), ghosts, mode="wrap")
+        state = np.zeros((4, velocity0.size))
+        state[0] = velocity0
         rho = density0.copy()
         return march(state, rho, material, forces, geometry, steps, velocity, density)
 

@@ -8,7 +8,8 @@ if __name__ == "__main__":
     settings, study = dataset.settings(snakemake.input.pod), snakemake.params.study
     scene = Scene.from_settings(settings["scene"], settings)
     pod = dataset.read(snakemake.input.pod)
-    sph = error.project_solution(dataset.read_samples(snakemake.input.sph, *error.FIELDS), pod)
+    fields = dataset.read_samples(snakemake.input.sph, *error.FIELDS)
+    sph = error.project_solution(fields, pod, max(study["mode_counts"]))
     dataset.write(
         snakemake.output[0],
         rom.accelerate(scene, study["n_freeze"], study["mode_counts"], pod, sph),

@@ -10,7 +10,7 @@ if __name__ == "__main__":
     method, counts = snakemake.wildcards.method, list(snakemake.params.mode_counts)
     pod = dataset.read(snakemake.input.pod)
     sph, reference = (
-        error.project_solution(dataset.read_samples(path, *error.FIELDS), pod)
+        error.project_solution(dataset.read_samples(path, *error.FIELDS), pod, max(counts))
         for path in (snakemake.input.sph, snakemake.input.reference)
     )
     dataset.write(
