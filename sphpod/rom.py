@@ -447,10 +447,14 @@ def expand_four(coordinates, modes, fields):
         for i in range(fields.shape[1]):
             fields[g, i] = 0.0
     for m in range(0, coordinates.shape[1], 4):
-        a0, a1, a2, a3 = coordinates[0, m : m + 4]
-        b0, b1, b2, b3 = coordinates[1, m : m + 4]
-        c0, c1, c2, c3 = coordinates[2, m : m + 4]
-        d0, d1, d2, d3 = coordinates[3, m : m + 4]
+        a0, a1 = coordinates[0, m], coordinates[0, m + 1]
+        a2, a3 = coordinates[0, m + 2], coordinates[0, m + 3]
+        b0, b1 = coordinates[1, m], coordinates[1, m + 1]
+        b2, b3 = coordinates[1, m + 2], coordinates[1, m + 3]
+        c0, c1 = coordinates[2, m], coordinates[2, m + 1]
+        c2, c3 = coordinates[2, m + 2], coordinates[2, m + 3]
+        d0, d1 = coordinates[3, m], coordinates[3, m + 1]
+        d2, d3 = coordinates[3, m + 2], coordinates[3, m + 3]
         for i in range(fields.shape[1]):
             u0, u1, u2, u3 = modes[m, i], modes[m + 1, i], modes[m + 2, i], modes[m + 3, i]
             fields[0, i] = fields[0, i] + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3

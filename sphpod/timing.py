@@ -1,9 +1,9 @@
 """CPU time of full and reduced models, measured so that they can be compared.
 
 All contenders run in one process that has the machine to itself, with one BLAS thread. Each is
-compiled and warmed up first, then they take turns, so that a drift of the machine's speed meets all
-of them alike. The time is the process's own, of the time loop with its outputs alone: what precedes
-it (projection, neighbours, compilation) is not in it.
+compiled and warmed up by a few steps first, then they take turns, so that a drift of the machine's
+speed meets all of them alike. The time is the process's own, of the time loop with its outputs
+alone: what precedes it (projection, neighbours, compilation) is not in it.
 """
 
 import os
@@ -52,25 +52,33 @@ def compare(
         each of shape (contenders,); cpu_seconds (contenders, repeats) [s].
     """
     steps = scene.error_steps
-    full = np.empty((2, steps.size, scene.particle_count))
-    runs: list[tuple[str, int, Callable[[], object]]] = []
-    for name, neighbours in (("sph_neighbour_lists", "lists"), ("sph_stencil", "stencil")):
-        run: Run = sph.prepare(scene, steps, neighbours)
-        runs.append((name, 0, _call(run, full[0], full[1])))
+    prepared: list[tuple[str, int, Callable[[np.ndarray], Run]]] = [
+        ("sph_neighbour_lists", 0, lambda steps: sph.prepare(scene, steps, "lists")),
+        ("sph_stencil", 0, lambda steps: sph.prepare(scene, steps, "stencil")),
+    ]
+    shapes = {0: (scene.particle_count, scene.particle_count)}
     for count in mode_counts:
         chosen = modes["velocity_modes"][:count], modes["density_modes"][:count]
-        kept = tuple(np.empty((steps.size, len(rows))) for rows in chosen)
+        shapes[count] = len(chosen[0]), len(chosen[1])
         for method in acceleration_contenders(n_freeze):
-            run = ReducedModel(scene, method, *chosen).prepare(steps)
-            runs.append((method, count, _call(run, *kept)))
-    names = [name for name, _, _ in runs]
+            prepared.append((method, count, ReducedModel(scene, method, *chosen).prepare))
+    # Filled, so that no run is the first to touch its memory.
+    kept = {
+        count: tuple(np.full((steps.size, size), np.nan) for size in pair)
+        for count, pair in shapes.items()
+    }
+    for _, count, prepare in prepared:
+        prepare(steps[:2])(*(fields[:2] for fields in kept[count]))
+    names = [name for name, _, _ in prepared]
     return {
         "contender": np.array(names),
-        "contender_mode_count": np.array([count for _, count, _ in runs]),
+        "contender_mode_count": np.array([count for _, count, _ in prepared]),
         "n_freeze": np.array(
             [0 if name.startswith("sph") else freeze_steps(name) for name in names]
         ),
-        "cpu_seconds": measure([run for _, _, run in runs], repeats),
+        "cpu_seconds": measure(
+            [_call(prepare(steps), *kept[count]) for _, count, prepare in prepared], repeats
+        ),
     }
 
 
@@ -114,6 +122,8 @@ def compare_steps(scene: Scene, repeats: int, step_count: int = 2000) -> dict[st
         "sph_neighbour_lists": _call(sph.prepare(scene, steps, "lists"), *kept),
         "sph_stencil": _call(sph.prepare(scene, steps, "stencil"), *kept),
     }
+    for run in runs.values():
+        run()
     return {
         "contender": np.array(list(runs)),
         "step_seconds": measure(list(runs.values()), repeats) / step_count,
@@ -176,7 +186,7 @@ def sparse_loop(scene: Scene, step_count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def measure(runs: Sequence[Callable[[], object]], repeats: int) -> np.ndarray:
-    """Process time [s] of each run, taken in turns after one warm-up of each.
+    """Process time [s] of each run, taken in turns; they are to be warm.
 
     Returns
     -------
@@ -184,8 +194,6 @@ def measure(runs: Sequence[Callable[[], object]], repeats: int) -> np.ndarray:
     """
     seconds = np.empty((len(runs), repeats))
     with threadpool_limits(limits=1):
-        for run in runs:
-            run()
         for repeat in range(repeats):
             for n, run in enumerate(runs):
                 start = time.process_time()

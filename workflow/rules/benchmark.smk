@@ -30,7 +30,6 @@ rule step_time:
         "<results>/{scene}/step_time.nc",
     log:
         "<logs>/{scene}/step_time.log",
-    priority: 1  # one after another, before what could run beside them in pairs
     threads: lambda wildcards: workflow.cores
     params:
         physics=physics,
