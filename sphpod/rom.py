@@ -436,8 +436,10 @@ def march_particles(
             if amplitude.size:
                 add_push(push, amplitude, step, a)
         done = steps[row]
-        velocity_coordinates[row] = a[:kv]
-        density_coordinates[row] = b[:kr]
+        for m in range(kv):
+            velocity_coordinates[row, m] = a[m]
+        for m in range(kr):
+            density_coordinates[row, m] = b[m]
 
 
 @compiled
@@ -559,8 +561,10 @@ def march_frozen(
                 rate[i] *= squares[i]
             add_projection(rate, density_modes, b)
         done = steps[row]
-        velocity_coordinates[row] = a[:kv]
-        density_coordinates[row] = b[:kr]
+        for m in range(kv):
+            velocity_coordinates[row, m] = a[m]
+        for m in range(kr):
+            density_coordinates[row, m] = b[m]
 
 
 @compiled
@@ -600,5 +604,7 @@ def march_tensor(
                 add_push(push, amplitude, step - step % n_freeze, a)
             add_expansion(old_a, matrix, b)
         done = steps[row]
-        velocity_coordinates[row] = a[:kv]
-        density_coordinates[row] = b[:kr]
+        for m in range(kv):
+            velocity_coordinates[row, m] = a[m]
+        for m in range(kr):
+            density_coordinates[row, m] = b[m]
