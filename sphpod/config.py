@@ -501,6 +501,13 @@ def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) ->
         known = scene["acceleration" if kind == "acceleration" else "samplings"]
         if sampling not in known:
             raise _refusal(name, f"{key}.sampling", sampling, _known(what, known))
+    if kind == "phase" and exact.kind(scenes.Scene.from_settings(name, scene)) != "dalembert":
+        raise _refusal(
+            name,
+            f"{key}.kind",
+            kind,
+            "it shows the exact and the modified solution, known for uniform undamped scenes only",
+        )
     if kind == "phase" and figure["position"] >= scene["domain_length"]:
         raise _refusal(
             name,

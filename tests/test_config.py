@@ -350,6 +350,10 @@ REFUSALS = [
     ({"figures": [{"kind": "phase"}]}, ["figures.0.position = (missing)", "kind phase"]),
     ({"figures": [{"kind": "phase", "position": 1}]}, ["figures.0.position = 1", "below L = 1"]),
     (
+        {"damping": 1, "figures": [{"kind": "phase", "position": 0.5}]},
+        ["figures.0.kind = phase", "undamped"],
+    ),
+    (
         {"figures": [{"kind": "profile", "sampling": "few"}]},
         ["figures.0.sampling = few", "kind profile", "fields"],
     ),

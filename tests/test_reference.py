@@ -43,6 +43,11 @@ def test_error_estimate_of_the_centred_reference_is_its_error():
         assert result[f"{field}_error_estimate"] == pytest.approx(error, rel=0.1)
 
 
+def test_an_error_that_nobody_asks_for_is_not_estimated():
+    result = reference.solve_centred(scene(), estimate_error=False)
+    assert set(result) == {"t", "x", "velocity", "density"}
+
+
 def test_centred_reference_of_varied_material_converges():
     coarse, middle, fine = (
         reference.solve_centred(

@@ -1,5 +1,6 @@
 """The configuration, and what the rules ask of it."""
 
+import difflib
 import os
 import re
 import sys
@@ -142,7 +143,9 @@ def figure_options(wildcards):
 
 def known(what, name, names):
     if name not in names:
-        stop(f"{what} = {name}: allowed are {', '.join(names)}")
+        near = difflib.get_close_matches(name, names, n=1)
+        meant = f"did you mean {near[0]}? " if near else ""
+        stop(f"{what} = {name}: {meant}allowed are {', '.join(names)}")
     return []
 
 
