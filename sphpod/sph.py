@@ -231,17 +231,19 @@ def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
 def march_lists(state, rho, material, forces, geometry, steps, velocity, density):
     """Any arrangement of particles. ``state`` holds velocity and stress, old and new."""
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
+    # Not a literal 0, for which what is called would be compiled once more.
+    ghosts = v.size - rho.size
     acted = forces[0].size > 0 or forces[1].size > 0
     done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
             advance_lists(v, new_v, stress, new_stress, rho, material, geometry)
             if acted:
-                act(new_v, v, 0, forces, step)
+                act(new_v, v, ghosts, forces, step)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
         done = steps[row]
-        failed = keep(v, 0, rho, row, velocity, density)
+        failed = keep(v, ghosts, rho, row, velocity, density)
         if failed >= 0:
             return failed
     return -1
