@@ -83,15 +83,19 @@ def _structure(node: object) -> str:
     `ast.dump` would do, but what it says of empty fields depends on the version of Python.
     """
     if isinstance(node, list):
-        return f"[{','.join(map(_structure, node))}]"
+        return f"[{','.join(_structure(item) for item in node if not _is_docstring(item))}]"
     if not isinstance(node, ast.AST):
         return repr(node)
     fields = dict(ast.iter_fields(node))
-    if (
-        isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef)
-        and ast.get_docstring(node, clean=False) is not None
-    ):
-        fields["body"] = node.body[1:]
     filled = {name: value for name, value in fields.items() if value not in (None, [])}
     parts = (f"{name}={_structure(value)}" for name, value in filled.items())
     return f"{type(node).__name__}({','.join(parts)})"
+
+
+def _is_docstring(node: object) -> bool:
+    """Whether a statement is text alone, which documents what it stands in or behind."""
+    return (
+        isinstance(node, ast.Expr)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, str)
+    )
