@@ -505,13 +505,13 @@ def march_four(
             expand_four(b, density_modes, rho)
             expand_four(old_a, stretch, rate)
             for g in range(4):
-                for i in range(density0.size):
-                    rate[g, i] *= rho[g, i] * rho[g, i]
                 if linear:
                     for i in range(density0.size):
+                        rate[g, i] *= rho[g, i] * rho[g, i]
                         rho[g, i] = rho[g, i] / density0[i] - 1.0
                 else:
                     for i in range(density0.size):
+                        rate[g, i] *= rho[g, i] * rho[g, i]
                         rho[g, i] = 1.0 - density0[i] / rho[g, i]
             add_projection_four(rate, density_modes, mask_b, b)
             add_projection_four(rho, pull, mask_a, a)
