@@ -1,0 +1,456 @@
+"""Full-order model in velocity and strain, in which SPH is linear.
+
+With the strain e_i = ρ_i(0)/ρ_i - 1 and the SPH derivative G, (2.10) and (2.11) become, with no
+approximation in the equations,
+
+    de/dt = G v,    dv/dt = (1/ρ0) G (c e) - d v + f.
+
+The energy E = Σ m v²/2 + Σ V c e²/2 changes by damping and force alone, as V_i G_ij is
+antisymmetric. In the scaled fields √m v and √(V c) e, whose squares it sums, the model is
+
+    u' = -D u + A p + √m f,    p' = -Aᵀ u,    A = diag(ρ0)^(-1/2) G diag(c)^(1/2).
+
+Explicit Euler takes both rates from the old state, as the paper's full SPH does; symplectic Euler
+drifts the strain before it kicks the velocity with it; leapfrog drifts half before and half after,
+and keeps second order. Kicks take damping exactly, for the force of a step that stands still.
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from sphpod.compiled import compiled
+from sphpod.kernel import derivative, neighbour_lists, stencil_weights
+from sphpod.propagator import prepare as prepare_jumps
+from sphpod.scene import ABSENT, Scene
+from sphpod.stability import Breakdown
+
+FIXED_STEP = ("explicit_euler", "symplectic_euler", "leapfrog")
+ADAPTIVE = ("rk45", "dop853")
+INTEGRATORS = (*FIXED_STEP, *ADAPTIVE, "exact")
+"""How the model is stepped; the adaptive ones are scipy's Runge-Kutta pairs."""
+
+Run = Callable[[np.ndarray, np.ndarray], None]
+
+
+def strain(scene: Scene, density: np.ndarray) -> np.ndarray:
+    """Strain e = ρ0/ρ - 1 of densities (…, N)."""
+    return scene.density0() / density - 1
+
+
+def density(scene: Scene, strain: np.ndarray) -> np.ndarray:
+    """Density ρ = ρ0/(1 + e) of strains (…, N) [kg/m³]."""
+    return scene.density0() / (1 + strain)
+
+
+def energy_weights(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """√m and √(V c), shapes (N,): velocity and strain times these are the scaled fields."""
+    return np.sqrt(scene.density0() * scene.spacing), np.sqrt(scene.spacing * scene.modulus())
+
+
+def pull(scene: Scene, strain_rows: np.ndarray) -> np.ndarray:
+    """A p of scaled strains (…, N): the scaled velocity's rate of change [1/s times theirs]."""
+    weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+    return derivative(strain_rows * np.sqrt(scene.modulus()), weights) / np.sqrt(scene.density0())
+
+
+def stretch(scene: Scene, velocity_rows: np.ndarray) -> np.ndarray:
+    """-Aᵀ u of scaled velocities (…, N): the scaled strain's rate of change."""
+    weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+    return derivative(velocity_rows / np.sqrt(scene.density0()), weights) * np.sqrt(scene.modulus())
+
+
+def solve(
+    scene: Scene,
+    integrator: str,
+    time_step: float | None = None,
+    tolerance: float = 1e-8,
+) -> dict[str, np.ndarray]:
+    """Run the lifted full model and keep its fields at the times of the error integral.
+
+    Parameters
+    ----------
+    scene : Scene
+    integrator : {"explicit_euler", "symplectic_euler", "leapfrog", "rk45", "dop853", "exact"}
+    time_step : float, optional
+        Δt [s] of the first three, of which the error interval is a whole multiple; the scene's own
+        if not given.
+    tolerance : float
+        Relative tolerance of the adaptive ones.
+
+    Returns
+    -------
+    dict
+        t (times,) [s], x (N,) [m], velocity (times, N) [m/s], strain (times, N).
+
+    Raises
+    ------
+    ValueError
+        There is no such integrator, or the error interval is no multiple of the time step.
+    Breakdown
+        The solution became non-finite, or its Jacobian 1 + e stopped being positive.
+    """
+    shape = scene.error_times.size, scene.particle_count
+    fields = np.empty(shape), np.empty(shape)
+    prepare(scene, integrator, time_step, tolerance)(*fields)
+    model = f"the lifted full model ({integrator})"
+    check(scene, model, *fields)
+    return {
+        "t": scene.error_times,
+        "x": scene.positions,
+        "velocity": fields[0],
+        "strain": fields[1],
+    }
+
+
+def check(scene: Scene, model: str, velocity: np.ndarray, strain: np.ndarray) -> None:
+    """Raise Breakdown at the first kept time without finite state and positive 1 + e."""
+    if np.isfinite(velocity).all() and np.isfinite(strain).all() and strain.min() > -1:
+        return
+    good = np.isfinite(velocity) & np.isfinite(strain) & (strain > -1)
+    row, particle = np.argwhere(~good)[0]
+    raise Breakdown(scene.name, model, scene.error_times[row], int(particle))
+
+
+def prepare(
+    scene: Scene,
+    integrator: str,
+    time_step: float | None = None,
+    tolerance: float = 1e-8,
+) -> Run:
+    """Everything that precedes the time loop, so that the loop can be timed alone.
+
+    Parameters are those of `solve`.
+
+    Returns
+    -------
+    callable
+        ``run(velocity, strain)`` fills two (times, N) arrays at the times of the error integral.
+    """
+    if integrator in FIXED_STEP:
+        return _fixed_step(scene, integrator, time_step or scene.time_step)
+    if integrator in ADAPTIVE:
+        return _adaptive(scene, integrator, tolerance)
+    if integrator == "exact":
+        return _fourier(scene) if is_uniform(scene) else _exponential(scene)
+    raise ValueError(f"integrator = {integrator}: allowed are {', '.join(INTEGRATORS)}")
+
+
+def is_uniform(scene: Scene) -> bool:
+    """Whether density, modulus and damping are the same at all particles."""
+    fields = scene.density0(), scene.modulus(), scene.damping_values()
+    return all(field.size == 0 or field.min() == field.max() for field in fields)
+
+
+# --- Fixed steps ----------------------------------------------------------------------------------
+
+
+def _fixed_step(scene, integrator, dt):
+    stride = round(scene.error_interval / dt)
+    if stride < 1 or abs(stride * dt - scene.error_interval) > 1e-9 * scene.error_interval:
+        raise ValueError(
+            f"scene {scene.name}: time_step = {dt:g}: the error interval "
+            f"{scene.error_interval:g} must be a whole number of them"
+        )
+    steps = np.arange(scene.error_times.size) * stride
+    explicit = integrator == "explicit_euler"
+    density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
+    # Leapfrog kicks in the middle of its step, and takes the force there.
+    middle = 0.5 if integrator == "leapfrog" else 0.0
+    amplitude, profile = scene.force_values((np.arange(steps[-1]) + middle) * dt)
+    # The stress c e is stepped, not the strain: a product less for each neighbour.
+    stiffness = dt * modulus
+    keep, gain = np.ones_like(density0), np.full_like(density0, dt)
+    if damping.size:
+        keep = 1 - dt * damping if explicit else np.exp(-dt * damping)
+        gain = gain if explicit else _kick(damping, dt)
+    inertia, push = gain / density0, gain * profile if profile.size else ABSENT
+    weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+    uniform = is_uniform(scene) and weights.size <= 2
+    even_push = push.size > 0 and push.min() == push.max()
+    if uniform:
+        # One coefficient for all particles goes into the weights, the force into one number.
+        weights = np.pad(weights, (0, 2 - weights.size))
+        drift, kick = stiffness[0] * weights, inertia[0] * weights
+        if even_push:
+            amplitude, push = push[0] * amplitude, ABSENT
+        coefficients = keep[:1], ABSENT, ABSENT
+    else:
+        drift = kick = weights
+        coefficients = keep, stiffness, inertia
+    compliance = 1 / modulus
+    velocity0 = np.pad(scene.velocity0(), weights.size, mode="wrap")
+    half = integrator == "leapfrog"
+
+    def run(velocity, strain):
+        state = np.zeros((4, velocity0.size))
+        state[0] = velocity0
+        march(
+            state, drift, kick, coefficients, amplitude, push, compliance, explicit, half, steps,
+            velocity, strain,
+        )  # fmt: skip
+
+    return run
+
+
+def _kick(damping, dt):
+    """(1 - exp(-d Δt))/d, the time that a constant force acts through while it is damped."""
+    return np.where(damping > 0, -np.expm1(-damping * dt) / np.where(damping > 0, damping, 1), dt)
+
+
+@compiled
+def wrap(field, width):
+    """Fill the ``width`` ghosts on either side of a periodic field."""
+    count = field.size - 2 * width
+    for k in range(width):
+        field[k] = field[count + k]
+        field[count + width + k] = field[width + k]
+
+
+@compiled
+def advance_uniform(old, field, weights, keep, push, new):
+    """new = keep old + push + G field, for one coefficient and two neighbours on each side."""
+    w1, w2 = weights[0], weights[1]
+    for i in range(old.size - 4):
+        rate = w1 * (field[i + 3] - field[i + 1]) + w2 * (field[i + 4] - field[i])
+        new[i + 2] = keep * old[i + 2] + push + rate
+
+
+@compiled
+def advance_two(old, field, weights, factor, new):
+    """new = old + factor G field, for two neighbours on each side."""
+    w1, w2 = weights[0], weights[1]
+    for i in range(old.size - 4):
+        rate = w1 * (field[i + 3] - field[i + 1]) + w2 * (field[i + 4] - field[i])
+        new[i + 2] = old[i + 2] + factor[i] * rate
+
+
+@compiled
+def advance_any(old, field, weights, factor, new):
+    """As advance_two, for any number of neighbours, whose loop is outside that of particles."""
+    width = weights.size
+    for i in range(factor.size):
+        new[i + width] = 0.0
+    for k in range(width):
+        for i in range(factor.size):
+            right, left = i + width + k + 1, i + width - k - 1
+            new[i + width] += weights[k] * (field[right] - field[left])
+    for i in range(factor.size):
+        new[i + width] = old[i + width] + factor[i] * new[i + width]
+
+
+@compiled
+def advance(old, field, weights, factor, keep, push, new):
+    """new = keep old + push + factor G field, by the kernel that a scene needs."""
+    if factor.size == 0:
+        advance_uniform(old, field, weights, keep, push, new)
+    elif weights.size == 2:
+        advance_two(old, field, weights, factor, new)
+    else:
+        advance_any(old, field, weights, factor, new)
+
+
+@compiled
+def march(
+    state, drift, kick, coefficients, amplitude, push, compliance, explicit, half, steps, velocity,
+    strain,
+):  # fmt: skip
+    """``state`` holds velocity and stress, old and new, with ghosts."""
+    v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
+    keep, stiffness, inertia = coefficients
+    width = drift.size
+    even_keep = keep[0] if keep.size == 1 else 1.0
+    unkept = keep.size > 1 and keep.min() < 1
+    zero = 0.0 * even_keep
+    unit = 1.0 + zero
+    if half:
+        advance(stress, v, drift, stiffness, unit, zero, new_stress)
+        for i in range(v.size):
+            stress[i] -= 0.5 * (new_stress[i] - stress[i])
+        wrap(stress, width)
+    done = 0
+    for row in range(steps.size):
+        for step in range(done, steps[row]):
+            even_push = amplitude[step] if amplitude.size and not push.size else zero
+            advance(stress, v, drift, stiffness, unit, zero, new_stress)
+            if explicit:
+                advance(v, stress, kick, inertia, even_keep, even_push, new_v)
+                wrap(new_stress, width)
+            else:
+                wrap(new_stress, width)
+                advance(v, new_stress, kick, inertia, even_keep, even_push, new_v)
+            if unkept:
+                for i in range(keep.size):
+                    new_v[i + width] -= (1 - keep[i]) * v[i + width]
+            if push.size:
+                for i in range(push.size):
+                    new_v[i + width] += amplitude[step] * push[i]
+            wrap(new_v, width)
+            v, new_v = new_v, v
+            stress, new_stress = new_stress, stress
+        done = steps[row]
+        for i in range(compliance.size):
+            velocity[row, i] = v[i + width]
+            strain[row, i] = compliance[i] * stress[i + width]
+        if half:
+            # The strain lags half a drift behind: half of the next one shows it in time.
+            advance(stress, v, drift, stiffness, unit, zero, new_stress)
+            for i in range(compliance.size):
+                step_on = new_stress[i + width] - stress[i + width]
+                strain[row, i] += 0.5 * compliance[i] * step_on
+
+
+# --- Adaptive steps -------------------------------------------------------------------------------
+
+
+def _adaptive(scene, integrator, tolerance):
+    from scipy.integrate import solve_ivp
+
+    count, times = scene.particle_count, scene.error_times
+    weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+    inertia, modulus = 1 / scene.density0(), scene.modulus()
+    damping = scene.damping_values()
+    _, profile = scene.force_values(times[:1])
+    start = np.concatenate([scene.velocity0(), np.zeros(count)])
+    # Strain and velocity over the speed of sound are alike in size.
+    speed = np.sqrt(modulus * inertia)
+    size = np.abs(start[:count]).max() or 1.0
+    absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
+    fields = np.empty((2, count + 2 * weights.size))
+
+    def rate(t, state):
+        push = scene.force_time(t=np.array([t]))[0] * profile if profile.size else ABSENT
+        rates = np.empty_like(state)
+        rates_of(state, fields, weights, inertia, modulus, damping, push, rates)
+        return rates
+
+    def run(velocity, strain):
+        result = solve_ivp(
+            rate,
+            (0, times[-1]),
+            start,
+            method=integrator.upper(),
+            t_eval=times,
+            rtol=max(tolerance, 3e-14),
+            atol=absolute,
+        )
+        if result.y.shape[1] < times.size:
+            velocity[:], strain[:] = np.nan, np.nan
+        velocity[: result.y.shape[1]] = result.y[:count].T
+        strain[: result.y.shape[1]] = result.y[count:].T
+
+    return run
+
+
+@compiled
+def rates_of(state, fields, weights, inertia, modulus, damping, push, rates):
+    """Rates of change of velocity and strain, one behind the other in ``state``."""
+    width, count = weights.size, inertia.size
+    v, stress = fields[0], fields[1]
+    for i in range(count):
+        v[i + width] = state[i]
+        stress[i + width] = modulus[i] * state[i + count]
+    wrap(v, width)
+    wrap(stress, width)
+    rates[:] = 0.0
+    for k in range(width):
+        for i in range(count):
+            right, left = i + width + k + 1, i + width - k - 1
+            rates[i] += weights[k] * (stress[right] - stress[left])
+            rates[i + count] += weights[k] * (v[right] - v[left])
+    for i in range(count):
+        rates[i] *= inertia[i]
+    for i in range(damping.size):
+        rates[i] -= damping[i] * state[i]
+    for i in range(push.size):
+        rates[i] += push[i]
+
+
+# --- Exact in time --------------------------------------------------------------------------------
+
+
+def _fourier(scene):
+    """Every Fourier mode of a uniform line is a damped oscillator, carried by jumps."""
+    count, times = scene.particle_count, scene.error_times
+    density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
+    weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+    modes = count // 2 + 1
+    angle = 2 * np.pi * np.arange(modes) / count
+    # Of the derivative of a wave exp(iθx/Δx), i times this; 0 for the sawtooth, up to rounding.
+    symbol = 2 * np.sin(np.outer(angle, np.arange(1, weights.size + 1))) @ weights
+    if count % 2 == 0:
+        symbol[-1] = 0.0
+    speed = np.sqrt(modulus[0] / density0[0])
+    blocks = np.zeros((2 * modes, 2, 2))
+    # v̂ and q̂ = i (c/ρ0)^(1/2) ê: v̂' = -d v̂ + ω q̂, q̂' = -ω v̂, real and imaginary parts alike.
+    blocks[:, 0, 1] = np.repeat(speed * symbol, 2)
+    blocks[:, 1, 0] = -blocks[:, 0, 1]
+    blocks[:, 0, 0] = -damping[0] if damping.size else 0.0
+    _, profile = scene.force_values(times[:1])
+    force = np.zeros((2 * modes, 2))
+    if profile.size:
+        spectrum = np.fft.rfft(profile)
+        spectrum[np.abs(spectrum) <= 1e-15 * np.abs(spectrum).max()] = 0
+        force[:, 0] = spectrum.view(float)
+
+    def amplitude(t):
+        return scene.force_time(t=t)
+
+    course = amplitude if profile.size else None
+    jumps = prepare_jumps(blocks, 0, force, scene.error_interval, times.size, course)
+    start = np.fft.rfft(scene.velocity0()).view(float)
+
+    def run(velocity, strain):
+        first, second = np.zeros((2, 2 * modes, times.size))
+        first[:, 0] = start
+        jumps.run(first, second, course)
+        velocity[:] = np.fft.irfft(first[::2].T + 1j * first[1::2].T, count)
+        strain[:] = np.fft.irfft((second[1::2].T - 1j * second[::2].T) / speed, count)
+
+    return run
+
+
+def _exponential(scene):
+    """Products with the exponential of the sparse operator, from output to output."""
+    from scipy.sparse import block_array, csr_array, diags_array
+    from scipy.sparse.linalg import expm_multiply
+
+    count, interval, times = scene.particle_count, scene.error_interval, scene.error_times
+    first, neighbours, gradients = neighbour_lists(
+        scene.positions, np.full(count, scene.spacing), scene.smoothing_length, scene.domain_length
+    )
+    index = neighbours.astype(np.int32), first.astype(np.int32)
+    gradient = csr_array((gradients, *index), shape=(count, count))
+    damping = scene.damping_values()
+    force = diags_array(1 / scene.density0()) @ gradient @ diags_array(scene.modulus())
+    operator = block_array(
+        [[diags_array(-damping if damping.size else np.zeros(count)), force], [gradient, None]]
+    ).tocsr()
+    start = np.concatenate([scene.velocity0(), np.zeros(count)])
+    _, profile = scene.force_values(times[:1])
+    trace = float(-damping.sum())
+    if profile.size:
+        points, weights = np.polynomial.legendre.leggauss(6)
+        fractions = (points + 1) / 2
+        shape = np.concatenate([profile, np.zeros(count)])
+        responses = np.stack(
+            [
+                interval / 2 * w * expm_multiply(operator * (interval * (1 - c)), shape)
+                for c, w in zip(fractions, weights, strict=True)
+            ]
+        )
+
+    def run(velocity, strain):
+        if not profile.size:
+            states = expm_multiply(operator, start, 0, times[-1], times.size, True, trace)
+            velocity[:], strain[:] = states[:, :count], states[:, count:]
+            return
+        state, jump = start, operator * interval
+        amplitude = scene.force_time(t=(times[:-1, None] + interval * fractions).ravel())
+        pushes = amplitude.reshape(-1, fractions.size) @ responses
+        velocity[0], strain[0] = start[:count], start[count:]
+        for row, push in enumerate(pushes, start=1):
+            state = expm_multiply(jump, state, traceA=trace * interval) + push
+            velocity[row], strain[row] = state[:count], state[count:]
+
+    return run
