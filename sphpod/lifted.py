@@ -401,9 +401,10 @@ def _fourier(scene):
     start = np.fft.rfft(scene.velocity0()).view(float)
 
     def run(velocity, strain):
-        first, second = np.zeros((2, 2 * modes, times.size))
-        first[:, 0] = start
-        jumps.run(first, second, course)
+        state = np.zeros((4 * modes, times.size))
+        state[: 2 * modes, 0] = start
+        jumps.run(state, course)
+        first, second = state[: 2 * modes], state[2 * modes :]
         velocity[:] = np.fft.irfft(first[::2].T + 1j * first[1::2].T, count)
         strain[:] = np.fft.irfft((second[1::2].T - 1j * second[::2].T) / speed, count)
 

@@ -6,7 +6,8 @@ A model falls apart into pairs of coordinates and single ones,
 
 such as damped oscillators with α' = -d α + σ β, β' = -σ α, the normal modes of a lifted model. All
 pairs share the output interval, so a jump is a 2×2 matrix a pair, made once: by the exponential,
-which is exact in time, or as the power that repeats explicit Euler steps.
+which is exact in time, or as the power that repeats explicit Euler steps. A model that does not
+fall apart well is one block of all its coordinates.
 
 What a force adds from one output to the next is linear in the force. Its values at a few nodes of a
 panel of many outputs determine it there to rounding, so vectors made once turn them into all the
@@ -25,8 +26,8 @@ from sphpod.compiled import compiled
 PANEL_NODES = 24
 """Values of the force that determine it on a panel; more outputs share a panel of a slow force."""
 
-PANEL_ACCURACY = 1e-14
-"""Largest part of a force that its polynomial on a panel may miss."""
+PANEL_ACCURACY = 1e-12
+"""Largest part of a force that its polynomial on a panel may miss; its own rounding is not far."""
 
 BLOCK = 512
 """Outputs of a pair that are carried together; few enough for the processor's nearest cache."""
@@ -40,13 +41,13 @@ class Jumps:
 
     Attributes
     ----------
-    powers : array, shape (doublings, n, 2, 2)
+    powers : array, shape (doublings, n, 2, 2), or (doublings, 1, s, s) of one block
         Matrices of each pair that carry it by 1, 2, 4, … outputs; of a single coordinate, which
         are the last, only [0, 0] counts.
     singles : int
         How many of the n are single coordinates.
-    forced : int array, shape (n, 2)
-        Row of the increments for each α and β, -1 where it does not feel the force.
+    forced : int array, shape (n, 2) or (1, s)
+        Row of the increments for each coordinate, -1 where it does not feel the force.
     nodes : array, shape (panels, nodes)
         Times at which the force is evaluated [s].
     responses : array, shape (forced coordinates, nodes, outputs of a panel)
@@ -59,15 +60,14 @@ class Jumps:
     nodes: np.ndarray
     responses: np.ndarray
 
-    def run(
-        self, first: np.ndarray, second: np.ndarray, amplitude: Amplitude | None = None
-    ) -> None:
+    def run(self, state: np.ndarray, amplitude: Amplitude | None = None) -> None:
         """Fill the outputs.
 
         Parameters
         ----------
-        first, second : arrays, shapes (n, outputs) and (n - singles, outputs)
-            The coordinates α and β; their first columns are the start.
+        state : array, shape (coordinates, outputs)
+            All α, those of pairs first, then all β; or those of the one block. The first column is
+            the start.
         amplitude : callable, optional
             Force f at times [s]; needed where a coordinate is forced.
         """
@@ -75,7 +75,11 @@ class Jumps:
         if self.nodes.size:
             values = amplitude(self.nodes.ravel()).reshape(self.nodes.shape)  # type: ignore[misc]
             increments = (values @ self.responses).reshape(len(self.responses), -1)
-        march_pairs(self.powers, self.forced, increments, first, second)
+        if self.powers.shape[-1] > 2:
+            march_dense(self.powers[0, 0], increments, state)
+        else:
+            count = len(self.forced)
+            march_pairs(self.powers, self.forced, increments, state[:count], state[count:])
 
 
 def prepare(
@@ -91,11 +95,11 @@ def prepare(
 
     Parameters
     ----------
-    blocks : array, shape (n, 2, 2)
+    blocks : array, shape (n, 2, 2), or (1, s, s) of one block
         Matrix of each pair [1/s]; of the last ones, which are single coordinates, [0, 0] counts.
     singles : int
         How many of the n are single.
-    force : array, shape (n, 2)
+    force : array, shape (n, 2) or (1, s)
         g and h; zero where a coordinate is not forced.
     interval : float
         Time from output to output [s].
@@ -115,8 +119,8 @@ def prepare(
     forced = np.full(force.shape, -1)
     nodes, responses = np.zeros((0, 0)), np.zeros((0, 0, 0))
     if amplitude is not None and np.any(force):
-        # Within an interval the force on one coordinate of a pair reaches the other too.
-        felt = np.repeat(force.any(axis=1, keepdims=True), 2, axis=1)
+        # Within an interval the force on one coordinate of a block reaches the others too.
+        felt = np.repeat(force.any(axis=1, keepdims=True), force.shape[1], axis=1)
         felt[len(felt) - singles :, 1] = False
         forced[felt] = np.arange(np.count_nonzero(felt))
         panel, inside = _panels(amplitude, interval, outputs - 1, euler_steps)
@@ -129,7 +133,7 @@ def prepare(
 def _jump(blocks, duration, euler_steps):
     """Exponential of each block, or the power that repeats so many explicit Euler steps."""
     if euler_steps:
-        step = np.eye(2) + duration / euler_steps * blocks
+        step = np.eye(blocks.shape[-1]) + duration / euler_steps * blocks
         return np.linalg.matrix_power(step, euler_steps)
     return scipy.linalg.expm(duration * blocks)
 
@@ -189,7 +193,7 @@ def _responses(blocks, force, felt, interval, panel, nodes, euler_steps):
 
 def _jump_steps(blocks, interval, euler_steps, done):
     """Explicit Euler from the step after ``done`` others to the end of the interval."""
-    step = np.eye(2) + interval / euler_steps * blocks
+    step = np.eye(blocks.shape[-1]) + interval / euler_steps * blocks
     return np.linalg.matrix_power(step, euler_steps - 1 - done)
 
 
@@ -252,3 +256,18 @@ def march_pairs(powers, forced, increments, first, second):
             start, end = known - block, known + block
             carry(powers[-1, m], a[start:known], b[start:known], a[known:end], b[known:end])
             known = end
+
+
+@compiled
+def march_dense(jump, increments, state):
+    """Jump from output to output of a model that is one block."""
+    new, old = np.empty(state.shape[0]), state[:, 0].copy()
+    for output in range(state.shape[1] - 1):
+        for m in range(new.size):
+            new[m] = increments[m, output] if increments.size else 0.0
+        for n in range(new.size):
+            for m in range(new.size):
+                new[m] += jump[m, n] * old[n]
+        for m in range(new.size):
+            state[m, output + 1] = new[m]
+            old[m] = new[m]

@@ -1,0 +1,352 @@
+"""Lifted reduced models: SPH in velocity and strain, projected on modes of its energy.
+
+Snapshots are scaled to √m v and √(V c) e, so that orthonormal modes are orthonormal in the energy.
+Galerkin projection gives, for any modes Φ and Ψ and any number of them,
+
+    a' = -D a + B b + g f(t),    b' = -Bᵀ a,    B = Φᵀ A Ψ,    D = Φᵀ diag(d) Φ ⪰ 0,
+
+whose energy |a|² + |b|² nothing but damping and force changes: no choice of modes makes it grow.
+
+Translation carries the total momentum and strains nothing, but modes of plain snapshots mix it into
+waves, which a force then excites. It is a mode of its own wherever it takes part, the first.
+
+Nothing is stepped. Under uniform damping the singular values of B are the frequencies of normal
+modes, each a damped oscillator; otherwise the eigenvectors of the operator give such pairs, or, if
+they are ill-conditioned, the model is one block. `sphpod.propagator` carries them from output to
+output, exactly in time (``lifted_exact``) or as explicit Euler would go (``lifted_euler``).
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from sphpod import lifted, propagator
+from sphpod.pod import modes as proper_modes
+from sphpod.propagator import Jumps
+from sphpod.scene import Scene
+from sphpod.stability import Breakdown
+
+METHODS = ("lifted_euler", "lifted_exact")
+
+ILL_CONDITIONED = 1e6
+"""Condition number of eigenvectors from which a model is carried as one block."""
+
+MOMENTUM = 1e-12
+"""Part of Σ m |v0| from which the total momentum Σ m v0 is not taken for rounding."""
+
+
+def translates(scene: Scene) -> bool:
+    """Whether translation takes part: there is momentum, a force, or a damping that varies."""
+    damping = scene.damping_values()
+    if scene.force_time is not None or (damping.size and damping.min() < damping.max()):
+        return True
+    momentum = scene.density0() * scene.velocity0()
+    return bool(abs(momentum.sum()) > MOMENTUM * np.abs(momentum).sum())
+
+
+def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Energy-orthonormal modes of velocity and strain snapshots.
+
+    Parameters
+    ----------
+    scene : Scene
+    snapshots : dict
+        velocity_snapshots (n, N) [m/s]; density_snapshots (m, N) [kg/m³] or strain_snapshots.
+
+    Returns
+    -------
+    dict
+        x (N,); scaled_velocity_modes, scaled_strain_modes (modes, N), of singular values that are
+        not zero; scaled_velocity_singular_values, scaled_strain_singular_values; translation, 1 if
+        the first velocity mode is the rigid translation, else 0.
+    """
+    mass, stiffness = lifted.energy_weights(scene)
+    velocity = mass * snapshots["velocity_snapshots"]
+    if "strain_snapshots" in snapshots:
+        strain = snapshots["strain_snapshots"]
+    else:
+        strain = lifted.strain(scene, snapshots["density_snapshots"])
+    rigid = (mass / np.linalg.norm(mass))[None] if translates(scene) else np.zeros((0, mass.size))
+    shares = velocity @ rigid.T
+    velocity_modes, velocity_values = _modes(velocity - shares @ rigid)
+    strain_modes, strain_values = _modes(stiffness * strain)
+    # Subtracted translation is orthogonal but for rounding, which modes of small values magnify.
+    if len(rigid):
+        velocity_modes -= velocity_modes @ rigid.T @ rigid
+        velocity_modes /= np.linalg.norm(velocity_modes, axis=1, keepdims=True)
+    return {
+        "x": scene.positions,
+        "scaled_velocity_modes": np.concatenate([rigid, velocity_modes]),
+        "scaled_strain_modes": strain_modes,
+        "scaled_velocity_singular_values": np.concatenate(
+            [np.linalg.norm(shares, axis=0), velocity_values]
+        ),
+        "scaled_strain_singular_values": strain_values,
+        "translation": np.array(len(rigid)),
+    }
+
+
+def _modes(snapshots):
+    """Modes of singular values that are not zero, as a matrix's numerical rank counts them."""
+    rows, values = proper_modes(snapshots)
+    zero = max(snapshots.shape) * np.finfo(float).eps * values[0]
+    rank = np.count_nonzero(values > zero)
+    return rows[:rank], values[:rank]
+
+
+def build(scene: Scene, modes: Mapping[str, np.ndarray], count: int) -> "LiftedModel":
+    """Model with so many velocity modes, or all there are, and a strain mode for each wave."""
+    velocity_modes = modes["scaled_velocity_modes"][:count]
+    rigid = int(modes["translation"])
+    strain_modes = modes["scaled_strain_modes"][: len(velocity_modes) - rigid]
+    return LiftedModel(scene, velocity_modes, strain_modes, rigid)
+
+
+@dataclass(frozen=True)
+class LiftedModel:
+    """A scene projected on modes of its energy.
+
+    Attributes
+    ----------
+    scene : Scene
+    velocity_modes, strain_modes : arrays, shapes (kv, N) and (ke, N)
+        Orthonormal modes of the scaled fields, one a row.
+    translation : int
+        1 if the first velocity mode is the rigid translation, else 0.
+    """
+
+    scene: Scene
+    velocity_modes: np.ndarray
+    strain_modes: np.ndarray
+    translation: int
+
+    @cached_property
+    def coupling(self) -> np.ndarray:
+        """B = Φᵀ A Ψ [1/s], shape (kv, ke)."""
+        return self.velocity_modes @ lifted.pull(self.scene, self.strain_modes).T
+
+    @cached_property
+    def damping(self) -> np.ndarray:
+        """D = Φᵀ diag(d) Φ [1/s], shape (kv, kv)."""
+        values = self.scene.damping_values()
+        if not values.size:
+            return np.zeros((len(self.velocity_modes),) * 2)
+        return (self.velocity_modes * values) @ self.velocity_modes.T
+
+    @cached_property
+    def force(self) -> np.ndarray:
+        """g = Φᵀ √m times the force's profile, shape (kv,); zero without a force."""
+        _, profile = self.scene.force_values(np.zeros(1))
+        if not profile.size:
+            return np.zeros(len(self.velocity_modes))
+        mass, _ = lifted.energy_weights(self.scene)
+        force = self.velocity_modes @ (mass * profile)
+        # A uniform force moves the translation alone; on the rest it is rounding.
+        return np.where(np.abs(force) > 1e-13 * np.linalg.norm(mass * profile), force, 0)
+
+    @property
+    def operator(self) -> np.ndarray:
+        """[[-D, B], [-Bᵀ, 0]] [1/s], shape (kv + ke, kv + ke)."""
+        none = np.zeros((len(self.strain_modes),) * 2)
+        return np.block([[-self.damping, self.coupling], [-self.coupling.T, none]])
+
+    @cached_property
+    def own(self) -> "OwnModes":
+        """The model in the modes of its operator."""
+        damping = self.scene.damping_values()
+        if damping.size and damping.min() < damping.max():
+            return _eigenmodes(self.operator)
+        uniform = float(damping[0]) if damping.size else 0.0
+        return _normal_modes(self.coupling, self.translation, uniform)
+
+    def prepare(self, method: str) -> "Prepared":
+        """All that precedes a run: own modes, jumps, and what the force adds.
+
+        Parameters
+        ----------
+        method : {"lifted_euler", "lifted_exact"}
+        """
+        scene, own = self.scene, self.own
+        euler_steps = {"lifted_euler": scene.error_stride, "lifted_exact": 0}[method]
+        kv = len(self.velocity_modes)
+        back = np.linalg.inv(own.to_modes) if not own.orthogonal else own.to_modes.T
+        amplitude = None if scene.force_time is None else _course(scene)
+        jumps = propagator.prepare(
+            own.blocks,
+            own.singles,
+            own.in_blocks(back[:, :kv] @ self.force),
+            scene.error_interval,
+            scene.error_times.size,
+            amplitude,
+            euler_steps,
+        )
+        mass, _ = lifted.energy_weights(scene)
+        return Prepared(self, jumps, back[:, :kv] @ (self.velocity_modes * mass), amplitude)
+
+    def solve(self, method: str) -> tuple[np.ndarray, np.ndarray, Breakdown | None]:
+        """Run the model.
+
+        Returns
+        -------
+        velocity_coordinates, strain_coordinates : arrays, shapes (times, kv) and (times, ke)
+            At the times of the error integral.
+        breakdown : Breakdown or None
+            The first of these times at which the model is not finite or 1 + e not positive.
+        """
+        prepared = self.prepare(method)
+        state = prepared.new_state()
+        prepared.run(self.scene.velocity0(), state)
+        velocity, strain = self.coordinates(state)
+        return velocity, strain, self.breakdown(method, velocity, strain)
+
+    def coordinates(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates in the modes of velocity and strain, (times, kv) and (times, ke)."""
+        kv = len(self.velocity_modes)
+        both = state.T @ self.own.to_modes.T
+        return np.ascontiguousarray(both[:, :kv]), np.ascontiguousarray(both[:, kv:])
+
+    def breakdown(
+        self, method: str, velocity: np.ndarray, strain: np.ndarray
+    ) -> Breakdown | None:
+        """How the model broke down: not finite, or a Jacobian 1 + e that is not positive.
+
+        |e_i| is at most the length of the coordinates times that of the particle's entries in the
+        modes: a test that is usually enough, and sees no particle but once.
+        """
+        scene, times = self.scene, self.scene.error_times
+        model = f"the {method} model with {len(self.velocity_modes)} modes"
+        finite = np.isfinite(velocity).all(axis=1) & np.isfinite(strain).all(axis=1)
+        last = len(finite) if finite.all() else int(np.argmin(finite))
+        _, stiffness = lifted.energy_weights(scene)
+        shapes = self.strain_modes / stiffness
+        reach = np.linalg.norm(shapes, axis=0).max(initial=0)
+        lengths = np.linalg.norm(strain[:last], axis=1)
+        for row in np.flatnonzero(lengths * reach >= 1):
+            values = strain[row] @ shapes
+            if values.min() <= -1:
+                return Breakdown(scene.name, model, times[row], int(values.argmin()))
+        return None if finite.all() else Breakdown(scene.name, model, times[last], 0)
+
+
+@dataclass(frozen=True)
+class OwnModes:
+    """A reduced operator that has fallen apart into blocks.
+
+    Attributes
+    ----------
+    blocks : array, shape (n, 2, 2) or (1, s, s)
+        As in `propagator.prepare` [1/s].
+    singles : int
+    to_modes : array, shape (kv + ke, coordinates)
+        Own coordinates to those in the modes of velocity and strain.
+    orthogonal : bool
+        Whether ``to_modes`` is, so that lengths are kept.
+    apart : bool
+        Whether the α are coordinates of the velocity alone and the β of the strain.
+    """
+
+    blocks: np.ndarray
+    singles: int
+    to_modes: np.ndarray
+    orthogonal: bool
+    apart: bool
+
+    def in_blocks(self, values: np.ndarray) -> np.ndarray:
+        """Own coordinates (coordinates,) as they stand in the blocks, (n, 2) or (1, s)."""
+        if self.blocks.shape[-1] > 2:
+            return values[None]
+        count = len(self.blocks)
+        return np.stack([values[:count], np.pad(values[count:], (0, self.singles))], axis=1)
+
+
+def _normal_modes(coupling, rigid, damping):
+    """Under uniform damping: singular vectors of B pair velocity with strain."""
+    kv, ke = coupling.shape
+    left, frequencies, right = np.linalg.svd(coupling[rigid:])
+    blocks = np.zeros((kv, 2, 2))
+    blocks[:, 0, 0] = -damping
+    pairs = np.arange(frequencies.size)
+    blocks[pairs, 0, 1], blocks[pairs, 1, 0] = frequencies, -frequencies
+    to_modes = np.zeros((kv + ke, kv + ke))
+    # Waves first, those without a strain of their own behind; the translation, a single, is last.
+    to_modes[rigid:kv, : kv - rigid] = left
+    to_modes[:rigid, kv - rigid : kv] = np.eye(rigid)
+    to_modes[kv:, kv:] = right.T
+    return OwnModes(blocks, kv - ke, to_modes, orthogonal=True, apart=True)
+
+
+def _eigenmodes(operator):
+    """Otherwise: eigenvectors, real and imaginary part of each conjugate pair."""
+    values, vectors = np.linalg.eig(operator)
+    whole = np.flatnonzero(values.imag == 0)
+    upper = np.flatnonzero(values.imag > 0)
+    to_modes = np.concatenate(
+        [vectors[:, upper].real, vectors[:, whole].real, -vectors[:, upper].imag], axis=1
+    )
+    if np.linalg.cond(to_modes) > ILL_CONDITIONED:
+        return OwnModes(operator[None], 0, np.eye(len(operator)), orthogonal=True, apart=False)
+    blocks = np.zeros((upper.size + whole.size, 2, 2))
+    pairs = blocks[: upper.size]
+    pairs[:, 0, 0] = pairs[:, 1, 1] = values[upper].real
+    pairs[:, 1, 0] = -values[upper].imag
+    pairs[:, 0, 1] = values[upper].imag
+    blocks[upper.size :, 0, 0] = values[whole].real
+    return OwnModes(blocks, whole.size, to_modes, orthogonal=False, apart=False)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A model ready to run, and to show its fields where they are asked for.
+
+    Attributes
+    ----------
+    model : LiftedModel
+    jumps : Jumps
+    start : array, shape (coordinates, N)
+        Initial velocity [m/s] to own coordinates.
+    amplitude : callable or None
+        Force at times [s].
+    """
+
+    model: LiftedModel
+    jumps: Jumps
+    start: np.ndarray
+    amplitude: Callable[[np.ndarray], np.ndarray] | None
+
+    def new_state(self) -> np.ndarray:
+        """An array for the own coordinates, shape (coordinates, times)."""
+        return np.zeros((len(self.start), self.model.scene.error_times.size))
+
+    def run(self, velocity0: np.ndarray, state: np.ndarray) -> None:
+        """Fill ``state`` for an initial velocity (N,), at all times of the error integral.
+
+        Only the start sees the particles.
+        """
+        state[:, 0] = self.start @ velocity0
+        self.jumps.run(state, self.amplitude)
+
+    @cached_property
+    def shapes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Own modes as velocity [m/s] and as strain, shapes (coordinates, N) each."""
+        model, own = self.model, self.model.own
+        mass, stiffness = lifted.energy_weights(model.scene)
+        kv = len(model.velocity_modes)
+        velocity = own.to_modes[:kv].T @ (model.velocity_modes / mass)
+        strain = own.to_modes[kv:].T @ (model.strain_modes / stiffness)
+        return (velocity[:kv], strain[kv:]) if own.apart else (velocity, strain)
+
+    def reconstruct(
+        self, state: np.ndarray, velocity: np.ndarray, strain: np.ndarray, first: int = 0
+    ) -> None:
+        """Fill fields (rows, N) from the outputs ``first``, ``first + 1``, …"""
+        columns = state[:, first : first + len(velocity)].T
+        kv = len(self.model.velocity_modes)
+        parts = (columns[:, :kv], columns[:, kv:]) if self.model.own.apart else (columns, columns)
+        for part, shape, field in zip(parts, self.shapes, (velocity, strain), strict=True):
+            np.matmul(part, shape, out=field)
+
+
+def _course(scene):
+    return lambda t: scene.force_time(t=t)
