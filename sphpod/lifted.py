@@ -60,6 +60,26 @@ def stretch(scene: Scene, velocity_rows: np.ndarray) -> np.ndarray:
     return derivative(velocity_rows / np.sqrt(scene.density0()), weights) * np.sqrt(scene.modulus())
 
 
+def operator(scene: Scene):
+    """[[-D, A], [-Aᵀ, 0]] of the scaled fields [1/s], a scipy.sparse matrix (2N, 2N)."""
+    from scipy.sparse import block_array, csr_array, diags_array
+
+    count = scene.particle_count
+    first, neighbours, gradients = neighbour_lists(
+        scene.positions, np.full(count, scene.spacing), scene.smoothing_length, scene.domain_length
+    )
+    index = neighbours.astype(np.int32), first.astype(np.int32)
+    gradient = csr_array((gradients, *index), shape=(count, count))
+    inertia, stiffness = (
+        diags_array(scene.density0() ** -0.5),
+        diags_array(np.sqrt(scene.modulus())),
+    )
+    damping = scene.damping_values()
+    decay = diags_array(-damping if damping.size else np.zeros(count))
+    pulls, stretches = inertia @ gradient @ stiffness, stiffness @ gradient @ inertia
+    return block_array([[decay, pulls], [stretches, None]]).tocsr()
+
+
 def solve(
     scene: Scene,
     integrator: str,
@@ -413,45 +433,35 @@ def _fourier(scene):
 
 def _exponential(scene):
     """Products with the exponential of the sparse operator, from output to output."""
-    from scipy.sparse import block_array, csr_array, diags_array
     from scipy.sparse.linalg import expm_multiply
 
     count, interval, times = scene.particle_count, scene.error_interval, scene.error_times
-    first, neighbours, gradients = neighbour_lists(
-        scene.positions, np.full(count, scene.spacing), scene.smoothing_length, scene.domain_length
-    )
-    index = neighbours.astype(np.int32), first.astype(np.int32)
-    gradient = csr_array((gradients, *index), shape=(count, count))
-    damping = scene.damping_values()
-    force = diags_array(1 / scene.density0()) @ gradient @ diags_array(scene.modulus())
-    operator = block_array(
-        [[diags_array(-damping if damping.size else np.zeros(count)), force], [gradient, None]]
-    ).tocsr()
-    start = np.concatenate([scene.velocity0(), np.zeros(count)])
+    matrix, scales = operator(scene), np.concatenate(energy_weights(scene))
+    start = scales * np.concatenate([scene.velocity0(), np.zeros(count)])
     _, profile = scene.force_values(times[:1])
-    trace = float(-damping.sum())
+    trace = float(matrix.trace())
     if profile.size:
         points, weights = np.polynomial.legendre.leggauss(6)
         fractions = (points + 1) / 2
-        shape = np.concatenate([profile, np.zeros(count)])
+        shape = scales * np.concatenate([profile, np.zeros(count)])
         responses = np.stack(
             [
-                interval / 2 * w * expm_multiply(operator * (interval * (1 - c)), shape)
+                interval / 2 * w * expm_multiply(matrix * (interval * (1 - c)), shape)
                 for c, w in zip(fractions, weights, strict=True)
             ]
         )
 
     def run(velocity, strain):
         if not profile.size:
-            states = expm_multiply(operator, start, 0, times[-1], times.size, True, trace)
+            states = expm_multiply(matrix, start, 0, times[-1], times.size, True, trace) / scales
             velocity[:], strain[:] = states[:, :count], states[:, count:]
             return
-        state, jump = start, operator * interval
+        state, jump = start, matrix * interval
         amplitude = scene.force_time(t=(times[:-1, None] + interval * fractions).ravel())
         pushes = amplitude.reshape(-1, fractions.size) @ responses
-        velocity[0], strain[0] = start[:count], start[count:]
-        for row, push in enumerate(pushes, start=1):
-            state = expm_multiply(jump, state, traceA=trace * interval) + push
-            velocity[row], strain[row] = state[:count], state[count:]
+        for row in range(times.size):
+            velocity[row], strain[row] = np.split(state / scales, 2)
+            if row < len(pushes):
+                state = expm_multiply(jump, state, traceA=trace * interval) + pushes[row]
 
     return run

@@ -171,7 +171,7 @@ class LiftedModel:
         scene, own = self.scene, self.own
         euler_steps = {"lifted_euler": scene.error_stride, "lifted_exact": 0}[method]
         kv = len(self.velocity_modes)
-        back = np.linalg.inv(own.to_modes) if not own.orthogonal else own.to_modes.T
+        back = own.from_modes
         amplitude = None if scene.force_time is None else _course(scene)
         jumps = propagator.prepare(
             own.blocks,
@@ -252,6 +252,28 @@ class OwnModes:
     to_modes: np.ndarray
     orthogonal: bool
     apart: bool
+
+    @cached_property
+    def from_modes(self) -> np.ndarray:
+        """The inverse of ``to_modes``."""
+        return self.to_modes.T if self.orthogonal else np.linalg.inv(self.to_modes)
+
+    @cached_property
+    def members(self) -> list[np.ndarray]:
+        """Own coordinates of each block."""
+        if self.blocks.shape[-1] > 2:
+            return [np.arange(self.blocks.shape[-1])]
+        count = len(self.blocks)
+        pairs = [np.array([n, count + n]) for n in range(count - self.singles)]
+        return [*pairs, *(np.array([n]) for n in range(count - self.singles, count))]
+
+    @cached_property
+    def operator(self) -> np.ndarray:
+        """The reduced operator of the own coordinates [1/s], (coordinates, coordinates)."""
+        result = np.zeros((len(self.to_modes),) * 2)
+        for block, members in zip(self.blocks, self.members, strict=True):
+            result[np.ix_(members, members)] = block[: members.size, : members.size]
+        return result
 
     def in_blocks(self, values: np.ndarray) -> np.ndarray:
         """Own coordinates (coordinates,) as they stand in the blocks, (n, 2) or (1, s)."""
