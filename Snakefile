@@ -9,6 +9,7 @@ snakemake --cores 2 results/damped/uniform12/pod.nc     one result, and the ance
 include: "workflow/rules/common.smk"
 include: "workflow/rules/solve.smk"
 include: "workflow/rules/reduce.smk"
+include: "workflow/rules/lift.smk"
 include: "workflow/rules/benchmark.smk"
 include: "workflow/rules/report.smk"
 

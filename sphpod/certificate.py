@@ -9,8 +9,8 @@ and as the full operator 𝓐 lets no energy grow, its energy norm is bounded by
 
     |ε(t)| ≤ |ε(0)| + ∫ |r| ds.
 
-Integrated so, a residual that merely oscillates counts as if it pushed one way all the time. But for
-any corrections X of the modes, ε - X z obeys the same equation with the residual
+Integrated so, a residual that merely oscillates counts as if it pushed one way all the time. But
+for any corrections X of the modes, ε - X z obeys the same equation with the residual
 
     r_X = (𝓐 (S + X) - (S + X) M) z + (F - (S + X) h) f,
 
@@ -19,20 +19,242 @@ so that also
     |ε(t)| ≤ |X z(t)| + |ε(0) - X z(0)| + ∫ |r_X| ds.
 
 X is chosen to make the sum small: a wave that the residual drives off its own frequency goes into
-X, one that it drives in resonance, whose error does grow with time, stays in r_X. Whatever X is, the
-bound holds. All norms are of QR factors of the size of the reduced model; a Gram matrix would lose
-half their digits.
+X, one that it drives in resonance, whose error does grow with time, stays in r_X. Whatever X is,
+the bound holds. All norms are of QR factors of the size of the reduced model; a Gram matrix would
+lose half their digits.
 """
 
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from sphpod import lifted
-from sphpod.lifted_rom import LiftedModel
+from sphpod import lifted, lifted_rom
+from sphpod.error import blocks
+from sphpod.lifted_rom import LiftedModel, Prepared
+from sphpod.scene import Scene
+from sphpod.stability import Breakdown
 
 CRITICAL = 1e6
 """Condition number of a block's eigenvectors from which its modes are left uncorrected."""
+
+
+def certify(
+    scene: Scene,
+    mode_counts: Iterable[int],
+    modes: Mapping[str, np.ndarray],
+    full: Mapping[str, np.ndarray],
+    reference: Mapping[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Errors of ``lifted_exact`` beside their bounds; its coordinates for a single mode count.
+
+    Parameters
+    ----------
+    scene : Scene
+    mode_counts : ints
+        Velocity modes, or all there are.
+    modes : dict
+        As from `lifted_rom.decompose`.
+    full : dict
+        velocity and strain (times, N) of the lifted full model, exact in time.
+    reference : dict
+        velocity and density (times, N).
+
+    Returns
+    -------
+    dict
+        mode_count; velocity_error_reference, density_error_reference; against the lifted full
+        model velocity_error_lifted, strain_error_lifted, relative in the norms of kinetic and of
+        elastic energy over all times; and of the largest energy norm over time: the largest error
+        energy_error_lifted, its bound energy_error_bound, the bound residual_bound without
+        corrected modes, and difference_from_best, how far the model is from the one with all modes
+        of the snapshots; bound_slack, the smallest difference of bound and error over time, of the
+        initial norm; breakdown_time. For a single count also t, scaled_velocity_coordinates,
+        scaled_strain_coordinates and error_bound (times,).
+
+    Raises
+    ------
+    Breakdown
+        The model for a single mode count broke down; in a sweep, its errors are infinite.
+    """
+    counts = list(mode_counts)
+    arrays = lifted_rom.no_errors(counts, "reference")
+    names = (
+        "velocity_error_lifted", "strain_error_lifted", "energy_error_lifted", "energy_error_bound",
+        "residual_bound", "difference_from_best",
+    )  # fmt: skip
+    arrays |= {name: np.full(len(counts), np.inf) for name in names}
+    arrays["bound_slack"] = np.full(len(counts), np.nan)
+    scales = lifted.energy_weights(scene)
+    velocity, strain = (
+        Seen.of(full[field], scale, modes[f"scaled_{field}_modes"][: max(counts)])
+        for field, scale in zip(("velocity", "strain"), scales, strict=True)
+    )
+    norms = np.sqrt(velocity.total + strain.total)
+    best = Best.of(scene, modes)
+    for n, count in enumerate(counts):
+        model = lifted_rom.build(scene, modes, count)
+        prepared = model.prepare("lifted_exact")
+        try:
+            state = prepared.solve()
+        except Breakdown as breakdown:
+            if len(counts) == 1:
+                raise
+            arrays["breakdown_time"][n] = breakdown.time
+            continue
+        for field, error in lifted_rom.field_errors(prepared, state, reference).items():
+            arrays[f"{field}_error_reference"][n] = error
+        a, b = model.coordinates(state)
+        squares = velocity.squares(a), strain.squares(b)
+        for name, seen, square in zip(names, (velocity, strain), squares, strict=False):
+            arrays[name][n] = np.sqrt(square.sum() / seen.total.sum())
+        error = np.sqrt(squares[0] + squares[1])
+        bound, plain = error_bounds(prepared, state)
+        arrays["energy_error_lifted"][n] = error.max() / norms.max()
+        arrays["energy_error_bound"][n] = bound.max() / norms.max()
+        arrays["residual_bound"][n] = plain.max() / norms.max()
+        arrays["difference_from_best"][n] = best.difference(a, b)
+        arrays["bound_slack"][n] = (bound - error).min() / norms[0]
+        if len(counts) == 1:
+            arrays |= prepared.stored(state) | {"error_bound": bound}
+    return arrays
+
+
+def choose(
+    scene: Scene, tolerance: float, modes: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """The smallest ``lifted_exact`` model within a tolerance of the best that the snapshots give.
+
+    Both are held against the largest energy norm of the best model over time. Where the bound,
+    which knows of the full model too, is within the tolerance as well, the model is certified.
+
+    Parameters
+    ----------
+    scene : Scene
+    tolerance : float
+        Relative.
+    modes : dict
+        As from `lifted_rom.decompose`.
+
+    Returns
+    -------
+    dict
+        tolerance; mode_count and best_mode_count; difference_from_best, energy_error_bound,
+        residual_bound, each relative; certified, 1 or 0; t, scaled_velocity_coordinates,
+        scaled_strain_coordinates, error_bound (times,).
+
+    Raises
+    ------
+    Breakdown
+        The best model broke down.
+    """
+    best = Best.of(scene, modes)
+    for count in range(1, best.count + 1):
+        prepared = lifted_rom.build(scene, modes, count).prepare("lifted_exact")
+        try:
+            state = prepared.solve()
+        except Breakdown:
+            continue
+        difference = best.difference(*prepared.model.coordinates(state))
+        if difference <= tolerance:
+            break
+    bound, plain = error_bounds(prepared, state)
+    relative = bound.max() / best.norm
+    return {
+        "tolerance": np.array(tolerance),
+        "mode_count": np.array([count]),
+        "best_mode_count": np.array(best.count),
+        "difference_from_best": np.array([difference]),
+        "energy_error_bound": np.array([relative]),
+        "residual_bound": np.array([plain.max() / best.norm]),
+        "certified": np.array(int(relative <= tolerance)),
+        **prepared.stored(state),
+        "error_bound": bound,
+    }
+
+
+def verdict(chosen: Mapping[str, np.ndarray]) -> str:
+    """What `choose` found, in words."""
+    bound, tolerance = chosen["energy_error_bound"][0], chosen["tolerance"]
+    relation = "within" if chosen["certified"] else "not within"
+    word = "certified" if chosen["certified"] else "not certified"
+    return (
+        f"{chosen['mode_count'][0]} modes are within {chosen['difference_from_best'][0]:.1e} of "
+        f"the best model; {word}: the bound {bound:.1e} is {relation} {tolerance:g}"
+    )
+
+
+@dataclass(frozen=True)
+class Best:
+    """The model with all modes that the snapshots give.
+
+    Attributes
+    ----------
+    velocity, strain : arrays, shapes (times, modes)
+        Its coordinates.
+    norm : float
+        Its largest energy norm over time.
+    """
+
+    velocity: np.ndarray
+    strain: np.ndarray
+    norm: float
+
+    @classmethod
+    def of(cls, scene: Scene, modes: Mapping[str, np.ndarray]) -> "Best":
+        model = lifted_rom.build(scene, modes, len(modes["scaled_velocity_modes"]))
+        state = model.prepare("lifted_exact").solve()
+        velocity, strain = model.coordinates(state)
+        squares = np.einsum("tm,tm->t", velocity, velocity) + np.einsum("tm,tm->t", strain, strain)
+        return cls(velocity, strain, float(np.sqrt(squares.max())))
+
+    @property
+    def count(self) -> int:
+        """Its velocity modes."""
+        return self.velocity.shape[1]
+
+    def difference(self, velocity: np.ndarray, strain: np.ndarray) -> float:
+        """Largest energy norm over time of what a smaller model lacks, of the largest norm."""
+        squares = np.zeros(len(velocity))
+        for mine, theirs in ((self.velocity, velocity), (self.strain, strain)):
+            rest = mine.copy()
+            rest[:, : theirs.shape[1]] -= theirs
+            squares += np.einsum("tm,tm->t", rest, rest)
+        return float(np.sqrt(squares.max()) / self.norm)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A scaled field of the full model, seen from modes, at each time.
+
+    Attributes
+    ----------
+    coordinates : array, shape (times, modes)
+    outside, total : arrays, shape (times,)
+        Squares of what the modes leave of it, and of all of it.
+    """
+
+    coordinates: np.ndarray
+    outside: np.ndarray
+    total: np.ndarray
+
+    @classmethod
+    def of(cls, field: np.ndarray, scale: np.ndarray, modes: np.ndarray) -> "Seen":
+        coordinates = np.empty((len(field), len(modes)))
+        outside, total = np.empty((2, len(field)))
+        for rows in blocks(len(field)):
+            scaled = scale * field[rows]
+            coordinates[rows] = scaled @ modes.T
+            rest = scaled - coordinates[rows] @ modes
+            outside[rows] = np.einsum("tx,tx->t", rest, rest)
+            total[rows] = np.einsum("tx,tx->t", scaled, scaled)
+        return cls(coordinates, outside, total)
+
+    def squares(self, reduced: np.ndarray) -> np.ndarray:
+        """Squares of the error of reduced coordinates (times, k) in the first modes, (times,)."""
+        rest = self.coordinates.copy()
+        rest[:, : reduced.shape[1]] -= reduced
+        return np.einsum("tm,tm->t", rest, rest) + self.outside
 
 
 @dataclass(frozen=True)
@@ -136,6 +358,12 @@ def bounds(model: LiftedModel) -> tuple[Bound, Bound]:
     )
 
 
+def error_bounds(prepared: Prepared, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The smaller of both bounds at each time, and the plain one, shape (times,) each."""
+    plain, corrected = (bound(state) for bound in bounds(prepared.model))
+    return np.minimum(plain, corrected), plain
+
+
 def own_modes(model: LiftedModel) -> np.ndarray:
     """S: own modes of the model as scaled velocity and strain, shape (2N, coordinates)."""
     kv = len(model.velocity_modes)
@@ -162,10 +390,15 @@ def _bound(model, modes, corrections, residual):
         column[:] = np.where(np.linalg.norm(column) > 1e-13 * size, column, 0)
     return Bound(
         model,
-        np.linalg.qr(corrections, mode="r"),
-        np.linalg.qr(np.column_stack([residual, column]), mode="r"),
+        _factor(corrections),
+        _factor(np.column_stack([residual, column])),
         modes + corrections,
     )
+
+
+def _factor(matrix):
+    """R of a QR factorisation: |R z| is the norm of the matrix's product with z."""
+    return np.linalg.qr(matrix, mode="r")
 
 
 def _corrections(model, full, residual):

@@ -122,6 +122,19 @@ def parse_modes(text: str) -> list[int]:
     raise ValueError(f"{text!r} is neither a mode count from 1 on, nor a rising range such as 1-20")
 
 
+def parse_tolerance(text: str) -> float:
+    """Relative tolerance of a text such as ``1e-2`` or ``0.05``.
+
+    Raises
+    ------
+    ValueError
+        The text is no number between 0 and 1.
+    """
+    if re.fullmatch(r"[1-9](\.\d+)?e-\d{1,2}|0\.\d*[1-9]\d*", text):
+        return float(text)
+    raise ValueError("it must be a number above 0 and below 1, such as 1e-2 or 0.05")
+
+
 def check_modes(config: Mapping[str, Any], scene: str, sampling: str, modes: str) -> None:
     """Check mode counts that are asked for, such as ``12`` or ``1-20``.
 

@@ -27,6 +27,10 @@ PAPER = (
 )
 
 
+ENERGY_ROOT = "kg0.5 s-1"
+"""Unit of the root of an energy on a unit of cross-section, J/m²."""
+
+
 class Variable(NamedTuple):
     """What a name means: its dimensions, unit ("" for text), meaning and type on disk.
 
@@ -93,6 +97,53 @@ VARIABLES = _fields() | {
     "reference": Variable(("reference",), "", "solution that the error is taken against", str),
     "mode_count": Variable(("mode_count",), "1", "modes kept for velocity and density", np.int32),
     "breakdown_time": Variable(("mode_count",), "s", "time at which the reduced model broke down"),
+    "scaled_velocity_modes": Variable(
+        ("scaled_velocity_mode", "x"), "1", "orthonormal modes of the velocity times root of mass"
+    ),
+    "scaled_strain_modes": Variable(
+        ("scaled_strain_mode", "x"), "1", "orthonormal modes of the strain times root of stiffness"
+    ),
+    "scaled_velocity_singular_values": Variable(
+        ("scaled_velocity_mode",), ENERGY_ROOT, "singular values of the scaled velocity snapshots"
+    ),
+    "scaled_strain_singular_values": Variable(
+        ("scaled_strain_mode",), ENERGY_ROOT, "singular values of the scaled strain snapshots"
+    ),
+    "translation": Variable(
+        (), "1", "1 where the first velocity mode is the rigid translation, else 0", np.int8
+    ),
+    "scaled_velocity_coordinates": Variable(
+        ("t", "scaled_velocity_mode"), ENERGY_ROOT, "reduced coordinates of the scaled velocity"
+    ),
+    "scaled_strain_coordinates": Variable(
+        ("t", "scaled_strain_mode"), ENERGY_ROOT, "reduced coordinates of the scaled strain"
+    ),
+    "strain": Variable(("t", "x"), "1", "strain of the particles"),
+    "velocity_error_lifted": Variable(
+        ("mode_count",), "1", "relative error of the velocity against the lifted full model"
+    ),
+    "strain_error_lifted": Variable(
+        ("mode_count",), "1", "relative error of the strain against the lifted full model"
+    ),
+    "energy_error_lifted": Variable(
+        ("mode_count",), "1", "largest energy norm of the error, of that of the lifted full model"
+    ),
+    "energy_error_bound": Variable(
+        ("mode_count",), "1", "bound of the largest energy norm of the error, of the largest norm"
+    ),
+    "residual_bound": Variable(
+        ("mode_count",), "1", "the same bound from the residual alone, without corrected modes"
+    ),
+    "difference_from_best": Variable(
+        ("mode_count",), "1", "largest energy norm of the difference from the model with all modes"
+    ),
+    "bound_slack": Variable(
+        ("mode_count",), "1", "smallest difference of bound and error, of the initial energy norm"
+    ),
+    "error_bound": Variable(("t",), ENERGY_ROOT, "bound of the energy norm of the error"),
+    "tolerance": Variable((), "1", "largest allowed difference from the best model"),
+    "best_mode_count": Variable((), "1", "velocity modes that the snapshots give", np.int32),
+    "certified": Variable((), "1", "1 where the bound is within the tolerance, else 0", np.int8),
     "contender": Variable(("contender",), "", "model compared", str),
     "n_freeze": Variable(
         ("contender",), "1", "steps for which coefficients stay frozen, 0 for none", np.int32

@@ -21,7 +21,7 @@ def relative_error(solution: np.ndarray, reference: np.ndarray) -> float:
         Relative error (dimensionless).
     """
     wrong = right = 0.0
-    for rows in _blocks(len(reference)):
+    for rows in blocks(len(reference)):
         difference = solution[rows] - reference[rows]
         wrong += np.vdot(difference, difference)
         right += np.vdot(reference[rows], reference[rows])
@@ -99,7 +99,7 @@ def project(field: np.ndarray, modes: np.ndarray) -> Projection:
     """Project a field (times, N) on orthonormal modes (modes, N)."""
     coordinates = np.empty((len(field), len(modes)))
     outside = total = 0.0
-    for rows in _blocks(len(field)):
+    for rows in blocks(len(field)):
         coordinates[rows] = field[rows] @ modes.T
         rest = field[rows] - coordinates[rows] @ modes
         outside += np.vdot(rest, rest)
@@ -115,6 +115,6 @@ def project_solution(
     return {field: project(solution[field], modes[f"{field}_modes"][:count]) for field in FIELDS}
 
 
-def _blocks(count, size=512):
+def blocks(count, size=512):
     """Slices of a few rows: what a field is compared with must not double its memory."""
     return (slice(start, start + size) for start in range(0, count, size))

@@ -16,13 +16,14 @@ they are ill-conditioned, the model is one block. `sphpod.propagator` carries th
 output, exactly in time (``lifted_exact``) or as explicit Euler would go (``lifted_euler``).
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from sphpod import lifted, propagator
+from sphpod.error import FIELDS, blocks
 from sphpod.pod import modes as proper_modes
 from sphpod.propagator import Jumps
 from sphpod.scene import Scene
@@ -185,38 +186,21 @@ class LiftedModel:
         mass, _ = lifted.energy_weights(scene)
         return Prepared(self, jumps, back[:, :kv] @ (self.velocity_modes * mass), amplitude)
 
-    def solve(self, method: str) -> tuple[np.ndarray, np.ndarray, Breakdown | None]:
-        """Run the model.
-
-        Returns
-        -------
-        velocity_coordinates, strain_coordinates : arrays, shapes (times, kv) and (times, ke)
-            At the times of the error integral.
-        breakdown : Breakdown or None
-            The first of these times at which the model is not finite or 1 + e not positive.
-        """
-        prepared = self.prepare(method)
-        state = prepared.new_state()
-        prepared.run(self.scene.velocity0(), state)
-        velocity, strain = self.coordinates(state)
-        return velocity, strain, self.breakdown(method, velocity, strain)
-
     def coordinates(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates in the modes of velocity and strain, (times, kv) and (times, ke)."""
         kv = len(self.velocity_modes)
         both = state.T @ self.own.to_modes.T
         return np.ascontiguousarray(both[:, :kv]), np.ascontiguousarray(both[:, kv:])
 
-    def breakdown(
-        self, method: str, velocity: np.ndarray, strain: np.ndarray
-    ) -> Breakdown | None:
-        """How the model broke down: not finite, or a Jacobian 1 + e that is not positive.
+    def breakdown(self, state: np.ndarray) -> Breakdown | None:
+        """How a solution broke down: not finite, or a Jacobian 1 + e that is not positive.
 
         |e_i| is at most the length of the coordinates times that of the particle's entries in the
         modes: a test that is usually enough, and sees no particle but once.
         """
         scene, times = self.scene, self.scene.error_times
-        model = f"the {method} model with {len(self.velocity_modes)} modes"
+        velocity, strain = self.coordinates(state)
+        model = f"the lifted model with {len(self.velocity_modes)} modes"
         finite = np.isfinite(velocity).all(axis=1) & np.isfinite(strain).all(axis=1)
         last = len(finite) if finite.all() else int(np.argmin(finite))
         _, stiffness = lifted.energy_weights(scene)
@@ -349,6 +333,30 @@ class Prepared:
         state[:, 0] = self.start @ velocity0
         self.jumps.run(state, self.amplitude)
 
+    def solve(self) -> np.ndarray:
+        """Run the scene and give its own coordinates, shape (coordinates, times).
+
+        Raises
+        ------
+        Breakdown
+            The model is not finite, or its Jacobian 1 + e not positive.
+        """
+        state = self.new_state()
+        self.run(self.model.scene.velocity0(), state)
+        breakdown = self.model.breakdown(state)
+        if breakdown is not None:
+            raise breakdown
+        return state
+
+    def stored(self, state: np.ndarray) -> dict[str, np.ndarray]:
+        """What is kept of a solution: t (times,), and its coordinates (times, modes)."""
+        velocity, strain = self.model.coordinates(state)
+        return {
+            "t": self.model.scene.error_times,
+            "scaled_velocity_coordinates": velocity,
+            "scaled_strain_coordinates": strain,
+        }
+
     @cached_property
     def shapes(self) -> tuple[np.ndarray, np.ndarray]:
         """Own modes as velocity [m/s] and as strain, shapes (coordinates, N) each."""
@@ -372,3 +380,81 @@ class Prepared:
 
 def _course(scene):
     return lambda t: scene.force_time(t=t)
+
+
+def repeat_sph(
+    scene: Scene,
+    mode_counts: Iterable[int],
+    modes: Mapping[str, np.ndarray],
+    sph: Mapping[str, np.ndarray],
+    reference: Mapping[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Errors of ``lifted_euler`` for several mode counts; its coordinates, if it is only one.
+
+    Parameters
+    ----------
+    scene : Scene
+    mode_counts : ints
+        Velocity modes, or all there are.
+    modes : dict
+        As from `decompose`.
+    sph, reference : dict
+        velocity and density (times, N).
+
+    Returns
+    -------
+    dict
+        As that of `rom.sweep`, with scaled_velocity_coordinates and scaled_strain_coordinates.
+
+    Raises
+    ------
+    Breakdown
+        The model for a single mode count broke down; in a sweep, its errors are infinite.
+    """
+    counts = list(mode_counts)
+    arrays = no_errors(counts, "sph", "reference")
+    for n, count in enumerate(counts):
+        prepared = build(scene, modes, count).prepare("lifted_euler")
+        try:
+            state = prepared.solve()
+        except Breakdown as breakdown:
+            if len(counts) == 1:
+                raise
+            arrays["breakdown_time"][n] = breakdown.time
+            continue
+        for against, solution in (("sph", sph), ("reference", reference)):
+            for field, error in field_errors(prepared, state, solution).items():
+                arrays[f"{field}_error_{against}"][n] = error
+        if len(counts) == 1:
+            arrays |= prepared.stored(state)
+    return arrays
+
+
+def no_errors(counts: list[int], *against: str) -> dict[str, np.ndarray]:
+    """Arrays for the errors of so many mode counts, infinite until they are known."""
+    errors = {
+        f"{field}_error_{one}": np.full(len(counts), np.inf) for one in against for field in FIELDS
+    }
+    breakdown_time = np.full(len(counts), np.nan)
+    return {"mode_count": np.array(counts), **errors, "breakdown_time": breakdown_time}
+
+
+def field_errors(
+    prepared: Prepared, state: np.ndarray, solution: Mapping[str, np.ndarray]
+) -> dict[str, float]:
+    """Relative errors of velocity and density (section 3.1) against a solution (times, N).
+
+    The fields are reconstructed a few outputs at a time.
+    """
+    scene = prepared.model.scene
+    wrong, right = dict.fromkeys(FIELDS, 0.0), dict.fromkeys(FIELDS, 0.0)
+    for rows in blocks(state.shape[1]):
+        shape = solution["velocity"][rows].shape
+        velocity, strain = np.empty(shape), np.empty(shape)
+        prepared.reconstruct(state, velocity, strain, rows.start)
+        for field, values in (("velocity", velocity), ("density", lifted.density(scene, strain))):
+            expected = solution[field][rows]
+            values -= expected
+            wrong[field] += np.vdot(values, values)
+            right[field] += np.vdot(expected, expected)
+    return {field: float(np.sqrt(wrong[field] / right[field])) for field in FIELDS}

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sphpod import claims, exact, paper, provenance, snapshots
-from sphpod.config import ConfigError, check_modes, load, parse_modes
+from sphpod.config import ConfigError, check_modes, load, parse_modes, parse_tolerance
 from sphpod.kernel import derivative_coefficient
 from sphpod.scene import PHYSICS_KEYS, Scene
 
@@ -56,6 +56,7 @@ wildcard_constraints:
     sampling="[^/]+",
     method="[^/]+",
     modes="[^/]+",
+    tolerance="[^/]+",
     name="[^/]+",
 
 
@@ -175,13 +176,26 @@ def known_study(wildcards):
 
 def known_reduced_model(wildcards):
     known_sampling(wildcards)
-    if not re.fullmatch(r"original|linearized|frozen[1-9]\d*", wildcards.method):
-        allowed = "original, linearized, and frozen1, frozen2, …"
+    if not re.fullmatch(
+        r"original|linearized|frozen[1-9]\d*|lifted_(euler|exact)", wildcards.method
+    ):
+        allowed = "original, linearized, frozen1, frozen2, …, lifted_euler, lifted_exact"
         stop(f"scene {wildcards.scene}: method = {wildcards.method}: allowed are {allowed}")
     try:
         check_modes(CONFIG, wildcards.scene, wildcards.sampling, wildcards.modes)
     except ConfigError as error:
         stop(error)
+    return []
+
+
+def known_tolerance(wildcards):
+    """A mode count chosen by tolerance needs the error bound, which ``lifted_exact`` alone has."""
+    known_sampling(wildcards)
+    known(f"scene {wildcards.scene}: method", wildcards.method, ["lifted_exact"])
+    try:
+        parse_tolerance(wildcards.tolerance)
+    except ValueError as error:
+        stop(f"scene {wildcards.scene}: tolerance = {wildcards.tolerance}: {error}")
     return []
 
 

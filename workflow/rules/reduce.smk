@@ -43,6 +43,9 @@ rule reduced_model:
         "<results>/{scene}/{sampling}/{method}/k{modes}.nc",
     log:
         "<logs>/{scene}/{sampling}/{method}/k{modes}.log",
+    wildcard_constraints:
+        # Any other method, so that one that does not exist is refused by name.
+        method="(?!lifted_euler/|lifted_exact/)[^/]+",
     params:
         mode_counts=lambda wildcards: parse_modes(wildcards.modes),
         code=code("reduced_model.py"),

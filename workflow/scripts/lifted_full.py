@@ -1,0 +1,15 @@
+"""Solve the lifted full model, exactly in time, at the times of the error integral."""
+
+from sphpod import dataset, lifted, log
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    name, physics = snakemake.wildcards.scene, snakemake.params.physics
+    dataset.write(
+        snakemake.output[0],
+        lifted.solve(Scene.from_settings(name, physics), "exact"),
+        title=f"Lifted full model of {name}, exact in time",
+        settings={"scene": name, **physics},
+        code=snakemake.params.code,
+    )

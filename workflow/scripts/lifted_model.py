@@ -1,0 +1,25 @@
+"""Run a lifted reduced model for one or more mode counts, and tell its errors and their bound."""
+
+from sphpod import certificate, dataset, error, lifted_rom, log
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    settings = dataset.settings(snakemake.input.pod)
+    scene = Scene.from_settings(settings["scene"], settings)
+    method, counts = snakemake.wildcards.method, list(snakemake.params.mode_counts)
+    modes = dataset.read(snakemake.input.pod)
+    reference = dataset.read_samples(snakemake.input.reference, *error.FIELDS)
+    if method == "lifted_euler":
+        full = dataset.read_samples(snakemake.input.full, *error.FIELDS)
+        arrays = lifted_rom.repeat_sph(scene, counts, modes, full, reference)
+    else:
+        full = dataset.read(snakemake.input.full, "velocity", "strain")
+        arrays = certificate.certify(scene, counts, modes, full, reference)
+    dataset.write(
+        snakemake.output[0],
+        arrays,
+        title=f"Reduced model of {scene.name}, {method}",
+        settings=settings | {"method": method, "mode_counts": counts},
+        code=snakemake.params.code,
+    )

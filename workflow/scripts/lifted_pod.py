@@ -1,0 +1,16 @@
+"""Find the energy-orthonormal modes of velocity and strain snapshots."""
+
+from sphpod import dataset, lifted_rom, log
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    settings = dataset.settings(snakemake.input.snapshots)
+    scene = Scene.from_settings(settings["scene"], settings)
+    dataset.write(
+        snakemake.output[0],
+        lifted_rom.decompose(scene, dataset.read(snakemake.input.snapshots)),
+        title=f"Energy modes of the snapshots {settings['sampling']['name']} of {scene.name}",
+        settings=settings,
+        code=snakemake.params.code,
+    )

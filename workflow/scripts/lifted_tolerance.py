@@ -1,0 +1,22 @@
+"""Choose the smallest lifted model that meets a tolerance, and say whether that is certified."""
+
+import logging
+
+from sphpod import certificate, dataset, log
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    settings = dataset.settings(snakemake.input.pod)
+    scene = Scene.from_settings(settings["scene"], settings)
+    tolerance = float(snakemake.wildcards.tolerance)
+    arrays = certificate.choose(scene, tolerance, dataset.read(snakemake.input.pod))
+    verdict = certificate.verdict(arrays)
+    logging.getLogger("lifted_tolerance").info(verdict)
+    dataset.write(
+        snakemake.output[0],
+        arrays,
+        title=f"Lifted reduced model of {scene.name}: {verdict}",
+        settings=settings | {"method": "lifted_exact", "tolerance": tolerance},
+        code=snakemake.params.code,
+    )
