@@ -3,6 +3,7 @@
 snakemake --cores 2                                     all that config/config.yaml asks for
 snakemake --cores 2 --configfile config/small.yaml      another configuration instead
 snakemake --cores 2 results/damped/uniform12/pod.nc     one result, and the ancestors it lacks
+snakemake --cores 2 lifted                              lifted models: thresholds, certified errors
 """
 
 
@@ -30,3 +31,8 @@ rule all:
         expand("<results>/{table}.csv", table=["conventions", "reference_errors"])
         if paper.applies(CONFIG)
         else [],
+
+
+rule lifted:
+    input:
+        expand("<results>/{table}.csv", table=["thresholds", "effectivity", "certificates"]),

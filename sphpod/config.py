@@ -163,6 +163,12 @@ def mode_limit(scene: Mapping[str, Any], sampling: str) -> int:
     return min(larger, scene["particle_count"])
 
 
+def usual_sweep(scene: Mapping[str, Any], sampling: str) -> str:
+    """All mode counts of a sampling up to the usual largest, as text such as ``1-20``."""
+    limit = min(DEFAULT_LARGEST_SWEEP, mode_limit(scene, sampling))
+    return f"1-{limit}" if limit > 1 else "1"
+
+
 def _refusal(scene: str | None, key: str, value: Any, allowed: str) -> ConfigError:
     return ConfigError(f"{f'scene {scene}: ' if scene else ''}{key} = {_shown(value)}: {allowed}")
 
@@ -464,8 +470,7 @@ def _resolved_sampling(
                 f"two snapshots fall on the time step at {twice[0] * step:g}; they must lie at "
                 f"least one step of {step:g} apart",
             )
-    limit = min(DEFAULT_LARGEST_SWEEP, mode_limit(scene, sampling))
-    modes = str(settings.get("mode_counts", f"1-{limit}" if limit > 1 else "1"))
+    modes = str(settings.get("mode_counts", usual_sweep(scene, sampling)))
     _check_modes(name, sampling, scene, f"{key}.mode_counts", modes)
     return {**settings, "mode_counts": modes}
 

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sphpod import kernel
+from sphpod import comparison, kernel
 
 Arrays = Mapping[str, np.ndarray]
 Place = Mapping[str, Arrays]
@@ -141,12 +141,7 @@ def mixing_matrix(places, claim, *, harmonics):
 
 def ratios(place: Place) -> np.ndarray:
     """POD error over SPH error, the larger of velocity's and density's, for each mode count."""
-    return np.maximum(
-        *(
-            place["sweep"][f"{field}_error_sph"] / place["errors"][f"{field}_error"][0, 0]
-            for field in FIELDS
-        )
-    )
+    return comparison.ratios(place["sweep"], place["errors"])
 
 
 def counted(value: int | None, claim: Mapping[str, Any]) -> Finding:
@@ -162,12 +157,7 @@ def counted(value: int | None, claim: Mapping[str, Any]) -> Finding:
 )
 def works_from(places, claim):
     """All places must agree with the paper; what is found at each is told if it differs."""
-    counts = []
-    for place in places:
-        fails = np.flatnonzero(~(ratios(place) < 1))
-        first = fails[-1] + 1 if fails.size else 0
-        modes = place["sweep"]["mode_count"]
-        counts.append(int(modes[first]) if first < modes.size else None)
+    counts = [comparison.threshold(place["sweep"], place["errors"]) for place in places]
     findings = [counted(count, claim) for count in counts]
     worst = max(findings, key=lambda finding: (not finding.holds, abs(finding.difference)))
     if len(set(counts)) == 1:

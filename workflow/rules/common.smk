@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from sphpod import claims, exact, paper, provenance, snapshots
-from sphpod.config import ConfigError, check_modes, load, parse_modes, parse_tolerance
+from sphpod.config import ConfigError, check_modes, load, parse_modes, parse_tolerance, usual_sweep
 from sphpod.kernel import derivative_coefficient
 from sphpod.scene import PHYSICS_KEYS, Scene
 
@@ -72,6 +72,30 @@ def sweep(scene, sampling):
     """The original reduced model for all mode counts of a sampling."""
     modes = SCENES[scene]["samplings"][sampling]["mode_counts"]
     return f"<results>/{scene}/{sampling}/original/k{modes}.nc"
+
+
+def sampled_scenes():
+    return [name for name, scene in SCENES.items() if scene["samplings"]]
+
+
+def full_sweeps(*methods):
+    """Reduced models of every sampling for all mode counts up to the usual largest."""
+    return [
+        f"<results>/{scene}/{sampling}/{method}/k{usual_sweep(SCENES[scene], sampling)}.nc"
+        for scene in sampled_scenes()
+        for sampling in SCENES[scene]["samplings"]
+        for method in methods
+    ]
+
+
+def study_sweeps():
+    """The same of the linearized and frozen models of every acceleration study."""
+    return [
+        f"<results>/{name}/{sampling}/{method}/k{usual_sweep(scene, sampling)}.nc"
+        for name, scene in SCENES.items()
+        for sampling, study in scene["acceleration"].items()
+        for method in ["linearized", *(f"frozen{n}" for n in study["n_freeze"])]
+    ]
 
 
 def studies(file):

@@ -1,0 +1,95 @@
+"""Lifted models beside the paper's: from which mode count each works, and what bounds certify."""
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from sphpod.error import FIELDS
+
+Arrays = Mapping[str, np.ndarray]
+
+TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4)
+"""Relative tolerances that are tried on every sampling."""
+
+
+def ratios(sweep: Arrays, errors: Arrays) -> np.ndarray:
+    """POD error over SPH error, the larger of velocity's and density's, for each mode count.
+
+    Parameters
+    ----------
+    sweep : dict
+        velocity_error_sph, density_error_sph (counts,).
+    errors : dict
+        velocity_error, density_error (solution, reference); those of full SPH against the first
+        reference are the first.
+    """
+    return np.maximum(
+        *(sweep[f"{field}_error_sph"] / errors[f"{field}_error"][0, 0] for field in FIELDS)
+    )
+
+
+def threshold(sweep: Arrays, errors: Arrays) -> int | None:
+    """The smallest k from which on the POD error stays below the SPH error; None without one."""
+    fails = np.flatnonzero(~(ratios(sweep, errors) < 1))
+    first = fails[-1] + 1 if fails.size else 0
+    counts = sweep["mode_count"]
+    return int(counts[first]) if first < counts.size else None
+
+
+def effectivities(place: Mapping[str, Any], sweep: Arrays) -> Iterator[dict[str, Any]]:
+    """How far the bounds of a sweep of ``lifted_exact`` are above its errors, a row a mode count.
+
+    Parameters
+    ----------
+    place : dict
+        scene and sampling.
+    sweep : dict
+        As from `certificate.certify`.
+    """
+    for n, count in enumerate(sweep["mode_count"]):
+        error, bound, plain = (
+            float(sweep[name][n])
+            for name in ("energy_error_lifted", "energy_error_bound", "residual_bound")
+        )
+        yield {
+            **place,
+            "modes": int(count),
+            "energy_error_lifted": error,
+            "energy_error_bound": bound,
+            "effectivity": bound / error,
+            "residual_bound": plain,
+            "residual_effectivity": plain / error,
+            "bound_slack": float(sweep["bound_slack"][n]),
+        }
+
+
+def certificates(
+    place: Mapping[str, Any], sweep: Arrays, tolerances: Iterable[float] = TOLERANCES
+) -> Iterator[dict[str, Any]]:
+    """Which k of a sweep meets each tolerance, and whether its bound certifies it, in a word.
+
+    Parameters are those of `effectivities`; the last row tells the smallest tolerance that any k of
+    the sweep certifies.
+    """
+    counts, bounds = sweep["mode_count"], sweep["energy_error_bound"]
+
+    def row(tolerance, n, word):
+        return {
+            **place,
+            "tolerance": tolerance,
+            "modes": int(counts[n]),
+            "difference_from_best": float(sweep["difference_from_best"][n]),
+            "energy_error_bound": float(bounds[n]),
+            "verdict": word,
+        }
+
+    for tolerance in tolerances:
+        meets = np.flatnonzero(sweep["difference_from_best"] <= tolerance)
+        if not meets.size:
+            yield {**place, "tolerance": tolerance, "verdict": f"not met by k = {counts[-1]}"}
+        else:
+            certified = bounds[meets[0]] <= tolerance
+            yield row(tolerance, meets[0], "certified" if certified else "not certified")
+    smallest = int(np.argmin(bounds))
+    yield row(float(bounds[smallest]), smallest, "smallest tolerance certified")

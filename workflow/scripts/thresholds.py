@@ -1,0 +1,27 @@
+"""Tell from which mode count on each reduced model works, in one table."""
+
+import pandas as pd
+
+from sphpod import comparison, dataset, log
+from sphpod.rom import freeze_steps
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    errors = {
+        dataset.settings(path)["scene"]: dataset.read(path) for path in snakemake.input.errors
+    }
+    rows = []
+    for path in snakemake.input.sweeps:
+        settings = dataset.settings(path)
+        scene, method = settings["scene"], settings["method"]
+        rows.append(
+            {
+                "scene": scene,
+                "sampling": settings["sampling"]["name"],
+                "method": method,
+                "n_freeze": 0 if method.startswith("lifted") else freeze_steps(method),
+                "threshold": comparison.threshold(dataset.read(path), errors[scene]),
+            }
+        )
+    table = pd.DataFrame(rows).astype({"threshold": "Int64"})
+    dataset.write_table(snakemake.output[0], table)
