@@ -30,11 +30,19 @@ def ratios(sweep: Arrays, errors: Arrays) -> np.ndarray:
 
 
 def threshold(sweep: Arrays, errors: Arrays) -> int | None:
+    """The smallest k at which the POD error is below the SPH error; None without one."""
+    return _first(sweep, ratios(sweep, errors) < 1)
+
+
+def works_from(sweep: Arrays, errors: Arrays) -> int | None:
     """The smallest k from which on the POD error stays below the SPH error; None without one."""
-    fails = np.flatnonzero(~(ratios(sweep, errors) < 1))
-    first = fails[-1] + 1 if fails.size else 0
-    counts = sweep["mode_count"]
-    return int(counts[first]) if first < counts.size else None
+    works = ratios(sweep, errors) < 1
+    return _first(sweep, np.flip(np.logical_and.accumulate(np.flip(works))))
+
+
+def _first(sweep, chosen):
+    counts = sweep["mode_count"][chosen]
+    return int(counts[0]) if counts.size else None
 
 
 def effectivities(place: Mapping[str, Any], sweep: Arrays) -> Iterator[dict[str, Any]]:

@@ -157,7 +157,7 @@ def counted(value: int | None, claim: Mapping[str, Any]) -> Finding:
 )
 def works_from(places, claim):
     """All places must agree with the paper; what is found at each is told if it differs."""
-    counts = [comparison.threshold(place["sweep"], place["errors"]) for place in places]
+    counts = [comparison.works_from(place["sweep"], place["errors"]) for place in places]
     findings = [counted(count, claim) for count in counts]
     worst = max(findings, key=lambda finding: (not finding.holds, abs(finding.difference)))
     if len(set(counts)) == 1:

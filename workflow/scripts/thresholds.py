@@ -14,14 +14,16 @@ if __name__ == "__main__":
     for path in snakemake.input.sweeps:
         settings = dataset.settings(path)
         scene, method = settings["scene"], settings["method"]
+        sweep = dataset.read(path)
         rows.append(
             {
                 "scene": scene,
                 "sampling": settings["sampling"]["name"],
                 "method": method,
                 "n_freeze": 0 if method.startswith("lifted") else freeze_steps(method),
-                "threshold": comparison.threshold(dataset.read(path), errors[scene]),
+                "threshold": comparison.threshold(sweep, errors[scene]),
+                "works_from": comparison.works_from(sweep, errors[scene]),
             }
         )
-    table = pd.DataFrame(rows).astype({"threshold": "Int64"})
+    table = pd.DataFrame(rows).astype({"threshold": "Int64", "works_from": "Int64"})
     dataset.write_table(snakemake.output[0], table)
