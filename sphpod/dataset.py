@@ -80,6 +80,12 @@ def _fields() -> dict[str, Variable]:
             f"{field}_error_reference": Variable(
                 ("mode_count",), "1", f"{error} of the reduced model against the reference"
             ),
+            f"{field}_error_full": Variable(
+                ("contender",), "1", f"{error} of a model against full SPH, NaN for other particles"
+            ),
+            f"{field}_error_exact": Variable(
+                ("contender",), "1", f"{error} of a model against the exact solution"
+            ),
             f"acceleration_{field}_error": Variable(
                 ("contender", "mode_count"), "1", f"{error} of a reduced model against full SPH"
             ),
@@ -150,6 +156,20 @@ VARIABLES = _fields() | {
     ),
     "contender_mode_count": Variable(
         ("contender",), "1", "modes kept for velocity and density, 0 for a full model", np.int32
+    ),
+    "integrator": Variable(("contender",), "", "how a model is stepped", str),
+    "contender_particle_count": Variable(("contender",), "1", "particles of the model", np.int32),
+    "contender_time_step": Variable(
+        ("contender",), "s", "time step; NaN where it is not a fixed one"
+    ),
+    "contender_tolerance": Variable(
+        ("contender",), "1", "relative tolerance of an adaptive integrator, NaN of another"
+    ),
+    "reconstruction_seconds": Variable(
+        ("contender", "repeat"), "s", "process time of fields from reduced coordinates"
+    ),
+    "offline_seconds": Variable(
+        ("contender", "offline"), "s", "process time of snapshots, modes and projection"
     ),
     "cpu_seconds": Variable(("contender", "repeat"), "s", "process time of all time steps"),
     "step_seconds": Variable(("contender", "repeat"), "s", "process time of one time step"),

@@ -185,8 +185,17 @@ def sparse_loop(scene: Scene, step_count: int) -> tuple[np.ndarray, np.ndarray]:
     return velocity, density
 
 
-def measure(runs: Sequence[Callable[[], object]], repeats: int) -> np.ndarray:
+def measure(
+    runs: Sequence[Callable[[], object]], repeats: int, numbers: Sequence[int] = ()
+) -> np.ndarray:
     """Process time [s] of each run, taken in turns; they are to be warm.
+
+    Parameters
+    ----------
+    runs : callables
+    repeats : int
+    numbers : ints, optional
+        How often each is run for one time, of which the mean is taken; once if not given.
 
     Returns
     -------
@@ -195,10 +204,11 @@ def measure(runs: Sequence[Callable[[], object]], repeats: int) -> np.ndarray:
     seconds = np.empty((len(runs), repeats))
     with threadpool_limits(limits=1):
         for repeat in range(repeats):
-            for n, run in enumerate(runs):
+            for n, (run, number) in enumerate(zip(runs, numbers or [1] * len(runs), strict=True)):
                 start = time.process_time()
-                run()
-                seconds[n, repeat] = time.process_time() - start
+                for _ in range(number):
+                    run()
+                seconds[n, repeat] = (time.process_time() - start) / number
     return seconds
 
 
