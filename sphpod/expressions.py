@@ -1,16 +1,18 @@
 """Safe evaluation of the short formulas a configuration describes a scene with.
 
 An expression is a number or a text such as ``1e-3*sum(l*sin(2*pi*l*x/L) for l in range(1, 4))``.
-It is parsed once, checked against a short list of what is allowed, and evaluated elementwise on
-arrays by simpleeval. Nothing else of Python is within its reach.
+It is parsed once, checked node by node against a short list of what is allowed, and compiled into
+a function that acts elementwise on arrays. Nothing else of Python is within its reach.
 """
 
 import ast
-from collections.abc import Callable, Iterable, Mapping
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import reduce
+from operator import call
 from typing import Any
 
 import numpy as np
-from simpleeval import EvalWithCompoundTypes
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "where": np.where,
@@ -24,74 +26,87 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
 }
 # A second argument of sin would be the array numpy writes its result to.
 ARGUMENT_COUNTS = {"where": 3, "sin": 1, "cos": 1, "exp": 1, "sqrt": 1, "abs": 1}
+LONGEST_SUM = 10000
 
 
 def _power(base: Any, exponent: Any) -> Any:
     """A power that neither builds astronomic integers nor turns complex (it gives nan instead)."""
-    power = np.asarray(base, dtype=np.float64) ** exponent
     if isinstance(base, int) and isinstance(exponent, int) and exponent >= 0:
-        if not np.isfinite(power):
+        if not math.isfinite(np.float64(base) ** exponent):
             raise OverflowError("a power is too large")
         return base**exponent  # exact, so that it may bound a range
-    return power
+    return np.asarray(base, dtype=np.float64) ** exponent
 
 
-def _truth(compare: Callable[..., Any]) -> Callable[..., Any]:
-    """Comparisons give the numbers 1 and 0, so that they may enter arithmetic."""
-    return lambda *operands: compare(*operands) * 1.0
+def _compare(relations: tuple[Callable[..., Any], ...], *operands: Any) -> Any:
+    """``a < b < c``, each operand evaluated once."""
+    return reduce(np.logical_and, map(call, relations, operands, operands[1:])) * 1.0
 
 
-# simpleeval's own operators guard against long strings and lists by testing the truth of
-# comparisons, which arrays do not have.
-OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
-    ast.Add: lambda a, b: a + b,
-    ast.Sub: lambda a, b: a - b,
-    ast.Mult: lambda a, b: a * b,
+def _steps() -> Iterator[int]:
+    """What the loops of all sums in an expression may take together."""
+    yield from range(LONGEST_SUM)
+    raise OverflowError(f"its sums run over more than {LONGEST_SUM} values")
+
+
+# What becomes a call, and of what. Comparisons and logic give the numbers 1 and 0, so that they may
+# enter arithmetic. Other operators do with arrays what they do with numbers.
+CALLED: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Div: np.true_divide,
-    ast.FloorDiv: lambda a, b: a // b,
-    ast.Mod: lambda a, b: a % b,
     ast.Pow: _power,
-    ast.USub: lambda a: -a,
-    ast.UAdd: lambda a: +a,
-    ast.Lt: _truth(np.less),
-    ast.LtE: _truth(np.less_equal),
-    ast.Gt: _truth(np.greater),
-    ast.GtE: _truth(np.greater_equal),
-    ast.Eq: _truth(np.equal),
-    ast.NotEq: _truth(np.not_equal),
-    ast.BitAnd: _truth(np.logical_and),
-    ast.BitOr: _truth(np.logical_or),
-    ast.Invert: _truth(np.logical_not),
+    ast.Compare: _compare,
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+    ast.Eq: np.equal,
+    ast.NotEq: np.not_equal,
+    ast.And: lambda *operands: reduce(np.logical_and, operands) * 1.0,
+    ast.Or: lambda *operands: reduce(np.logical_or, operands) * 1.0,
+    ast.Not: lambda operand: np.logical_not(operand) * 1.0,
+    ast.comprehension: zip,
 }
-WRITTEN_OPERATORS = (*OPERATORS.keys() - {ast.BitAnd, ast.BitOr, ast.Invert}, ast.Not)
+PLAIN = (ast.Add, ast.Sub, ast.Mult, ast.FloorDiv, ast.Mod, ast.USub, ast.UAdd)
 
 
 class _Elementwise(ast.NodeTransformer):
-    """Rewrite ``a < b < c``, ``and``, ``or`` and ``not`` into operators that act elementwise."""
+    """Turn what Python would not do elementwise, or do without limit, into calls."""
 
-    def visit_Compare(self, node: ast.Compare) -> ast.expr:
+    def visit(self, node: ast.AST) -> Any:
         self.generic_visit(node)
-        operands = [node.left, *node.comparators]
-        pairs: list[ast.expr] = [
-            ast.Compare(left, [operator], [right])
-            for left, operator, right in zip(operands, node.ops, operands[1:], strict=False)
-        ]
-        return _chain(ast.BitAnd(), pairs)
+        match node:
+            case ast.BinOp(op=operator, left=left, right=right) if type(operator) in CALLED:
+                return _call(operator, left, right)
+            case ast.UnaryOp(op=ast.Not() as operator, operand=operand):
+                return _call(operator, operand)
+            case ast.BoolOp(op=operator, values=operands):
+                return _call(operator, *operands)
+            case ast.Compare(left=left, ops=operators, comparators=others):
+                relations = ast.Tuple([_function(operator) for operator in operators], ast.Load())
+                return _call(node, relations, left, *others)
+            case ast.comprehension(target=index, iter=values):
+                node.target = ast.Tuple([index, ast.Name("_", ast.Store())], ast.Store())
+                node.iter = _call(node, values, ast.Name("_steps", ast.Load()))
+        return node
 
-    def visit_BoolOp(self, node: ast.BoolOp) -> ast.expr:
-        self.generic_visit(node)
-        return _chain(ast.BitAnd() if isinstance(node.op, ast.And) else ast.BitOr(), node.values)
 
-    def visit_UnaryOp(self, node: ast.UnaryOp) -> ast.expr:
-        self.generic_visit(node)
-        return ast.UnaryOp(ast.Invert(), node.operand) if isinstance(node.op, ast.Not) else node
+def _function(node: ast.AST) -> ast.Name:
+    # No name that an expression may hold begins with an underscore.
+    return ast.Name(f"_{type(node).__name__}", ast.Load())
 
 
-def _chain(operator: ast.operator, operands: list[ast.expr]) -> ast.expr:
-    chained = operands[0]
-    for operand in operands[1:]:
-        chained = ast.BinOp(chained, operator, operand)
-    return chained
+def _call(node: ast.AST, *arguments: ast.expr) -> ast.Call:
+    return ast.Call(_function(node), list(arguments), [])
+
+
+def _compiled(tree: ast.expr, variables: Iterable[str], constants: Mapping) -> Callable[..., Any]:
+    """A function of the steps of sums and of the variables, out of a tree that has been checked."""
+    names = [ast.arg(name) for name in ("_steps", *variables)]
+    arguments = ast.arguments([], names, kwonlyargs=[], kw_defaults=[], defaults=[])
+    function = ast.Expression(ast.Lambda(arguments, _Elementwise().visit(tree)))
+    code = compile(ast.fix_missing_locations(function), "<expression>", "eval")
+    called = {f"_{node.__name__}": function for node, function in CALLED.items()}
+    return eval(code, {"__builtins__": {}, **FUNCTIONS, **called, **constants})
 
 
 def _refusal(node: ast.AST, names: frozenset[str]) -> str | None:
@@ -142,7 +157,7 @@ def _first_refusal(nodes: Iterable[ast.AST], names: frozenset[str]) -> str | Non
 
 
 def _refused_operator(operator: ast.AST) -> str | None:
-    if isinstance(operator, WRITTEN_OPERATORS):
+    if isinstance(operator, (*PLAIN, *CALLED)):
         return None
     if isinstance(operator, ast.BitXor):
         return "'^' is not allowed (a power is written '**')"
@@ -207,7 +222,7 @@ class Expression:
             tree = ast.parse(self.text.strip(), mode="eval").body
             refusal = _refusal(tree, frozenset(variables) | set(self.constants))
             if not refusal:
-                self._tree = ast.fix_missing_locations(_Elementwise().visit(tree))
+                self._function = _compiled(tree, variables, self.constants)
         except SyntaxError:
             refusal = "it is not an expression"
         except (ValueError, MemoryError, RecursionError):
@@ -219,6 +234,9 @@ class Expression:
 
     def __repr__(self) -> str:
         return f"Expression({self.text!r}, {self.variables!r})"
+
+    def __reduce__(self) -> tuple:
+        return Expression, (self.text, self.variables, self.constants)
 
     def __call__(self, **arrays: np.ndarray) -> np.ndarray:
         """Evaluate elementwise.
@@ -236,18 +254,15 @@ class Expression:
         ValueError
             The expression cannot be evaluated.
         """
-        values = {name: np.asarray(arrays[name], dtype=np.float64) for name in self.variables}
-        shape = np.broadcast_shapes(*(value.shape for value in values.values()))
-        evaluator = EvalWithCompoundTypes(
-            operators=OPERATORS, functions=FUNCTIONS.copy(), names=self.constants | values
-        )
+        values = [np.asarray(arrays[name], dtype=np.float64) for name in self.variables]
+        result = np.empty(np.broadcast(*values).shape)
         try:
             with np.errstate(all="ignore"):
-                result = evaluator.eval(self.text, previously_parsed=self._tree)
-                return np.array(np.broadcast_to(result, shape), dtype=np.float64)
-        except Exception as error:  # whatever numpy or simpleeval make of a strange expression
+                result[...] = self._function(_steps(), *values)
+        except Exception as error:  # whatever Python and numpy make of a strange expression
             reason = " ".join(str(error).split()).rstrip(".")
             raise self._error(f"it cannot be evaluated ({reason})") from error
+        return result
 
     def _error(self, reason: str) -> ValueError:
         names = ", ".join((*self.variables, *self.constants, *FUNCTIONS))

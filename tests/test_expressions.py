@@ -1,5 +1,7 @@
 """Expressions: what they give, and what they refuse."""
 
+import pickle
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -36,6 +38,7 @@ def evaluate(text, x=X):
         ("sum([x, 2*x, 1])", 3 * X + 1),
         ("sum(l*m*x for l in range(3) for m in range(l))", 2 * X),
         ("sum(sum(l*m*x for l in range(3)) for m in range(3))", 9 * X),
+        ("sum(Div/2 for Div in [1, 2, 3]) + sum(1 for l in range(2**3))", np.full(9, 11.0)),
         ("where(0 < x/L <= 1/2, 0.1, 0.2)", np.where((X > 0) & (X <= 1), 0.1, 0.2)),
         ("x < 1 and x > 0.5 or x == 2", (X < 1) & (X > 0.5) | (X == 2)),
         ("not x < 1", X >= 1),
@@ -112,7 +115,11 @@ def test_not_finite_without_fault_or_warning(text):
         ("sum(l for l in range(3) if l)", "is not of the form"),
         ("sum(l for l in x)", "neither a range nor"),
         ("sum(l for l in range(1.5))", "cannot be evaluated"),
-        ("sum(1 for l in range(10**9))", "cannot be evaluated"),
+        ("1//0", "cannot be evaluated (integer division or modulo by zero)"),
+        ("sum(1 for l in range(10**9))", "(its sums run over more than 10000 values)"),
+        ("sum(1 for l in range(101) for m in range(99))", "more than 10000 values"),
+        ("sum(sum(1 for m in range(99)) for l in range(101))", "more than 10000 values"),
+        ("sum([sum(1 for l in range(9**4)), sum(1 for l in range(9**4))])", "more than 10000"),
         ("9**9**9", "cannot be evaluated (a power is too large)"),
         ("4000000**4000000", "cannot be evaluated (a power is too large)"),
         ("(" * 500 + "x" + ")" * 500, "not an expression"),
@@ -128,6 +135,68 @@ def test_refused_in_one_sentence_that_says_what_is_allowed(text, reason):
     assert "allowed are numbers, x, pi, L, T, where" in message
     assert "\n" not in message
     assert len(message) < 500
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x.__class__",
+        "(1).__class__.__mro__",
+        "sin.__globals__",
+        "sum(l.real for l in (1, 2))",
+        "sum(l for l in ().__class__.__subclasses__())",
+        "__builtins__",
+        "__debug__",
+        "_Pow(10, 10**9)",
+        "sum(_steps for l in (1, 2))",
+        "sum(_ for l in (1, 2))",
+        "sum(_ for _ in (1, 2))",
+        "sum(sin for sin in (1, 2))",
+        "sum(l for l, m in ((1, 2), (3, 4)))",
+        "sum(l for x[0] in (1, 2))",
+        "sum(l for l in (1, 2) if x.size)",
+        "sum(l async for l in (1, 2))",
+        "sum((y := l) for l in (1, 2))",
+        "sum(l for l in range(y := 3))",
+        "sum({l for l in (1, 2)})",
+        "sum({l: x for l in (1, 2)})",
+        "sum(*[x, x])",
+        "sum(l for l in (*x, 1))",
+        "[l for l in (1, 2)]",
+        "(l for l in (1, 2))",
+        "(lambda: x)()",
+        "sin(*x)",
+        "sin(**x)",
+        "(sin)(x)(x)",
+        "sum(lambda: x for l in (1, 2))",
+        "(yield x)",
+        "await x",
+        "f'{x}'",
+        "x if x else x",
+        "x @ x",
+        "1 << 9",
+        "x is x",
+        "...",
+        "None",
+    ],
+)
+def test_nothing_else_of_python_comes_to_evaluation(text):
+    with pytest.raises(ValueError, match=r"is refused because (?!it cannot be evaluated)"):
+        Expression(text, ("x",), CONSTANTS)
+
+
+def test_an_operand_between_two_comparisons_is_evaluated_once():
+    nested = "x"
+    for _ in range(40):
+        nested = f"(0 <= {nested} <= 1)"
+    np.testing.assert_array_equal(evaluate(nested), np.ones(9))
+
+
+def test_a_copy_by_pickle_is_the_same_function():
+    expression = Expression("x**2/L + pi", ("x",), CONSTANTS)
+    copy = pickle.loads(pickle.dumps(expression))
+    assert repr(copy) == repr(expression)
+    np.testing.assert_array_equal(copy(x=X), expression(x=X))
 
 
 @settings(deadline=None)
