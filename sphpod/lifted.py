@@ -197,7 +197,7 @@ def _fixed_step(scene, integrator, dt):
         coefficients = keep[:1], ABSENT, ABSENT
     else:
         drift = kick = weights
-        coefficients = keep, stiffness, inertia
+        coefficients = (keep if damping.size else keep[:1]), stiffness, inertia
     compliance = 1 / modulus
     velocity0 = np.pad(scene.velocity0(), weights.size, mode="wrap")
     half = integrator == "leapfrog"
@@ -260,14 +260,23 @@ def advance_any(old, field, weights, factor, new):
 
 
 @compiled
-def advance(old, field, weights, factor, keep, push, new):
-    """new = keep old + push + factor G field, by the kernel that a scene needs."""
-    if factor.size == 0:
-        advance_uniform(old, field, weights, keep, push, new)
-    elif weights.size == 2:
-        advance_two(old, field, weights, factor, new)
-    else:
-        advance_any(old, field, weights, factor, new)
+def act(v, new_v, keep, push, amplitude, step):
+    """Damping and force of one step where they vary in space; fields are without ghosts."""
+    if keep.size > 1:
+        for i in range(keep.size):
+            new_v[i] -= (1 - keep[i]) * v[i]
+    if push.size:
+        now = amplitude[step]
+        for i in range(push.size):
+            new_v[i] += now * push[i]
+
+
+@compiled
+def show(v, stress, compliance, velocity, strain):
+    """Copy fields without ghosts into a row of what is kept."""
+    for i in range(compliance.size):
+        velocity[i] = v[i]
+        strain[i] = compliance[i] * stress[i]
 
 
 @compiled
@@ -279,45 +288,51 @@ def march(
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
     keep, stiffness, inertia = coefficients
     width = drift.size
-    even_keep = keep[0] if keep.size == 1 else 1.0
-    unkept = keep.size > 1 and keep.min() < 1
-    zero = 0.0 * even_keep
-    unit = 1.0 + zero
-    if half:
-        advance(stress, v, drift, stiffness, unit, zero, new_stress)
-        for i in range(v.size):
-            stress[i] -= 0.5 * (new_stress[i] - stress[i])
-        wrap(stress, width)
+    inner = slice(width, width + compliance.size)
+    uniform = stiffness.size == 0
+    even_keep, even_push = (keep[0] if uniform else 1.0), 0.0
     done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
-            even_push = amplitude[step] if amplitude.size and not push.size else zero
-            advance(stress, v, drift, stiffness, unit, zero, new_stress)
-            if explicit:
-                advance(v, stress, kick, inertia, even_keep, even_push, new_v)
-                wrap(new_stress, width)
+            if uniform:
+                advance_uniform(stress, v, drift, 1.0, 0.0, new_stress)
+            elif width == 2:
+                advance_two(stress, v, drift, stiffness, new_stress)
             else:
-                wrap(new_stress, width)
-                advance(v, new_stress, kick, inertia, even_keep, even_push, new_v)
-            if unkept:
-                for i in range(keep.size):
-                    new_v[i + width] -= (1 - keep[i]) * v[i + width]
-            if push.size:
-                for i in range(push.size):
-                    new_v[i + width] += amplitude[step] * push[i]
+                advance_any(stress, v, drift, stiffness, new_stress)
+            wrap(new_stress, width)
+            if half and step == 0:
+                # Leapfrog begins with half a drift; all later ones are whole.
+                for i in range(stress.size):
+                    new_stress[i] = 0.5 * (stress[i] + new_stress[i])
+            pulling = stress if explicit else new_stress
+            if uniform:
+                if amplitude.size and not push.size:
+                    even_push = amplitude[step]
+                advance_uniform(v, pulling, kick, even_keep, even_push, new_v)
+            elif width == 2:
+                advance_two(v, pulling, kick, inertia, new_v)
+            else:
+                advance_any(v, pulling, kick, inertia, new_v)
+            if keep.size > 1 or push.size:
+                act(v[inner], new_v[inner], keep, push, amplitude, step)
             wrap(new_v, width)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
         done = steps[row]
-        for i in range(compliance.size):
-            velocity[row, i] = v[i + width]
-            strain[row, i] = compliance[i] * stress[i + width]
-        if half:
-            # The strain lags half a drift behind: half of the next one shows it in time.
-            advance(stress, v, drift, stiffness, unit, zero, new_stress)
-            for i in range(compliance.size):
-                step_on = new_stress[i + width] - stress[i + width]
-                strain[row, i] += 0.5 * compliance[i] * step_on
+        if half and done:
+            # The strain is half a drift behind, which half of the next one shows.
+            if uniform:
+                advance_uniform(stress, v, drift, 1.0, 0.0, new_stress)
+            elif width == 2:
+                advance_two(stress, v, drift, stiffness, new_stress)
+            else:
+                advance_any(stress, v, drift, stiffness, new_stress)
+            for i in range(stress.size):
+                new_stress[i] = 0.5 * (stress[i] + new_stress[i])
+            show(v[inner], new_stress[inner], compliance, velocity[row], strain[row])
+        else:
+            show(v[inner], stress[inner], compliance, velocity[row], strain[row])
 
 
 # --- Adaptive steps -------------------------------------------------------------------------------

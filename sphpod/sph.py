@@ -92,18 +92,17 @@ def prepare(scene: Scene, steps: np.ndarray, neighbours: str):
 
 
 @compiled
-def keep(v, offset, rho, row, velocity, density):
-    """Copy the state into row ``row`` of the kept fields; flat index of a broken value, or -1."""
-    count = rho.size
+def keep(v, rho, velocity, density):
+    """Copy the state, without ghosts, into a row of what is kept; first broken value, or -1."""
     broken = 0
-    for i in range(count):
-        velocity[row, i] = v[i + offset]
-        density[row, i] = rho[i]
-        broken += not (rho[i] > 0 and rho[i] < np.inf and abs(v[i + offset]) < np.inf)
+    for i in range(rho.size):
+        velocity[i] = v[i]
+        density[i] = rho[i]
+        broken += not (rho[i] > 0 and rho[i] < np.inf and abs(v[i]) < np.inf)
     if broken:
-        for i in range(count):
-            if not (rho[i] > 0 and rho[i] < np.inf and abs(v[i + offset]) < np.inf):
-                return row * count + i
+        for i in range(rho.size):
+            if not (rho[i] > 0 and rho[i] < np.inf and abs(v[i]) < np.inf):
+                return i
     return -1
 
 
@@ -117,16 +116,19 @@ def wrap(field, width):
 
 
 @compiled
-def act(new_v, v, offset, forces, step):
-    """Add the damping and the force of one step; each is skipped where the scene lacks it."""
+def act(new_v, v, forces, step):
+    """Add the damping and the force of one step; each is skipped where the scene lacks it.
+
+    Fields are without ghosts.
+    """
     damping, amplitude, profile = forces
     if damping.size:
         for i in range(damping.size):
-            new_v[i + offset] -= damping[i] * v[i + offset]
+            new_v[i] -= damping[i] * v[i]
     if amplitude.size:
         push = amplitude[step]
         for i in range(profile.size):
-            new_v[i + offset] += push * profile[i]
+            new_v[i] += push * profile[i]
 
 
 @compiled
@@ -184,6 +186,7 @@ def march_stencil(state, rho, material, forces, geometry, steps, velocity, densi
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
     (weights,) = geometry
     width = weights.size
+    inner = slice(width, width + rho.size)
     acted = forces[0].size > 0 or forces[1].size > 0
     done = 0
     for row in range(steps.size):
@@ -195,15 +198,15 @@ def march_stencil(state, rho, material, forces, geometry, steps, velocity, densi
             else:
                 advance_any(v, new_v, stress, new_stress, rho, material, weights)
             if acted:
-                act(new_v, v, width, forces, step)
+                act(new_v[inner], v[inner], forces, step)
             wrap(new_v, width)
             wrap(new_stress, width)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
         done = steps[row]
-        failed = keep(v, width, rho, row, velocity, density)
+        failed = keep(v[inner], rho, velocity[row], density[row])
         if failed >= 0:
-            return failed
+            return row * rho.size + failed
     return -1
 
 
@@ -231,19 +234,17 @@ def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
 def march_lists(state, rho, material, forces, geometry, steps, velocity, density):
     """Any arrangement of particles. ``state`` holds velocity and stress, old and new."""
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
-    # Not a literal 0, for which what is called would be compiled once more.
-    ghosts = v.size - rho.size
     acted = forces[0].size > 0 or forces[1].size > 0
     done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
             advance_lists(v, new_v, stress, new_stress, rho, material, geometry)
             if acted:
-                act(new_v, v, ghosts, forces, step)
+                act(new_v, v, forces, step)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
         done = steps[row]
-        failed = keep(v, ghosts, rho, row, velocity, density)
+        failed = keep(v, rho, velocity[row], density[row])
         if failed >= 0:
-            return failed
+            return row * rho.size + failed
     return -1
