@@ -4,6 +4,7 @@ snakemake --cores 2                                     all that config/config.y
 snakemake --cores 2 --configfile config/small.yaml      another configuration instead
 snakemake --cores 2 results/damped/uniform12/pod.nc     one result, and the ancestors it lacks
 snakemake --cores 2 lifted                              lifted models: thresholds, certified errors
+snakemake --cores 2 benchmarks                          run time against error of every method
 """
 
 
@@ -25,8 +26,8 @@ rule all:
     default_target: True
     input:
         expand("<figures>/{name}.{form}", name=FIGURES, form=["pdf", "png"]),
-        "<results>/cpu_time.csv" if studies("cpu_time.nc") else [],
-        "<results>/step_time.csv" if step_times() else [],
+        "<results>/acceleration.csv" if studies("cpu_time.nc") else [],
+        "<results>/step_time.csv" if of_step_scene("step_time.nc") else [],
         expand("<results>/claims.{form}", form=["csv", "md"]) if CLAIMS else [],
         expand("<results>/{table}.csv", table=["conventions", "reference_errors"])
         if paper.applies(CONFIG)
@@ -36,3 +37,11 @@ rule all:
 rule lifted:
     input:
         expand("<results>/{table}.csv", table=["thresholds", "effectivity", "certificates"]),
+
+
+rule benchmarks:
+    input:
+        rules.lifted.input,
+        expand("<figures>/{name}.{form}", name=BENCHMARK_FIGURES, form=["pdf", "png"]),
+        "<results>/cpu_time.csv" if studies("benchmark.nc") else [],
+        "<results>/skipping.csv" if of_step_scene("skipping.nc") else [],

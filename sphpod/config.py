@@ -27,7 +27,11 @@ except ImportError:
 DEFAULT_ERROR_SAMPLES = 10000
 DEFAULT_LARGEST_SWEEP = 20
 DEFAULT_FIELDS = ["initial_velocity", "velocity"]
-DEFAULT_REPEATS = 5
+DEFAULT_BENCHMARK = {
+    "repeats": 5,
+    "particle_counts": [100, 316, 1000, 3162, 10_000, 31_623, 100_000, 316_228, 1_000_000],
+    "mode_counts": [2, 4, 8, 12, 16, 24, 32],
+}
 
 LARGEST_COUNTS = {"time_step": 10**9, "error_interval": 10**6}
 """How often a key may fit in the duration, so that a slip of the pen does not fill the memory."""
@@ -94,7 +98,7 @@ def load(
             for illustration in settings.get("illustrations", [])
         ],
         "claims": settings.get("claims", []),
-        "benchmark": {"repeats": DEFAULT_REPEATS, **settings.get("benchmark", {})},
+        "benchmark": DEFAULT_BENCHMARK | settings.get("benchmark", {}),
     }
     _check_figure_names(resolved)
     step_scene = resolved["benchmark"].get("step_scene")

@@ -172,6 +172,15 @@ VARIABLES = _fields() | {
         ("contender", "offline"), "s", "process time of snapshots, modes and projection"
     ),
     "cpu_seconds": Variable(("contender", "repeat"), "s", "process time of all time steps"),
+    "memory_bytes": Variable(
+        ("contender",), "B", "memory that a prepared time loop holds", np.int64
+    ),
+    "skipped": Variable(("skipped",), "", "what a scene may lack", str),
+    "skipping_model": Variable(("skipped",), "", "model that is timed with and without it", str),
+    "skipping_seconds": Variable(("skipped", "repeat"), "s", "process time without it"),
+    "general_seconds": Variable(
+        ("skipped", "repeat"), "s", "process time with it in vain, as zeros or general structure"
+    ),
     "step_seconds": Variable(("contender", "repeat"), "s", "process time of one time step"),
 }
 

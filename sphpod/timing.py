@@ -17,6 +17,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from sphpod import sph
+from sphpod.error import FIELDS
 from sphpod.kernel import neighbour_lists
 from sphpod.rom import ReducedModel, acceleration_contenders, freeze_steps
 from sphpod.scene import Scene
@@ -104,6 +105,87 @@ def savings(measured: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
         "cpu_seconds_interquartile_range": upper - lower,
         "repeats": np.full(len(names), measured["cpu_seconds"].shape[1]),
     } | {f"saving_against_{base}": 1 - median / median[names.index(base)] for base in BASELINES}
+
+
+def benchmark_columns(measured: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Columns of the benchmark's table, a row a contender.
+
+    Speed-ups are ratios of medians: against full SPH with neighbour lists and with one stencil;
+    against the fastest explicit Euler full model with the scene's particles and time step, in
+    density or strain; and against the fastest full model of all whose errors against the exact
+    solution are not above those of full SPH.
+
+    Parameters
+    ----------
+    measured : dict
+        As from `benchmark.compare`.
+    """
+    lower, median, upper = np.quantile(measured["cpu_seconds"], (0.25, 0.5, 0.75), axis=1)
+    both = measured["cpu_seconds"] + measured["reconstruction_seconds"]
+    offline = measured["offline_seconds"]
+    baselines = {name: median[row] for name, row in _baselines(measured, median).items()}
+    return {
+        "method": measured["contender"],
+        "modes": measured["contender_mode_count"],
+        "n_freeze": measured["n_freeze"],
+        "integrator": measured["integrator"],
+        "particle_count": measured["contender_particle_count"],
+        "time_step": measured["contender_time_step"],
+        "tolerance": measured["contender_tolerance"],
+        "error_velocity": measured["velocity_error_full"],
+        "error_density": measured["density_error_full"],
+        "error_velocity_exact": measured["velocity_error_exact"],
+        "error_density_exact": measured["density_error_exact"],
+        "cpu_seconds": median,
+        "cpu_seconds_interquartile_range": upper - lower,
+        "cpu_seconds_with_fields": np.median(both, axis=1),
+        "repeats": measured["cpu_seconds"].shape[1],
+        "offline_snapshots_seconds": offline[:, 0],
+        "offline_modes_seconds": offline[:, 1],
+        "offline_projection_seconds": offline[:, 2],
+        **{f"speedup_against_{name}": base / median for name, base in baselines.items()},
+    }
+
+
+def _baselines(measured, median):
+    """Rows of the models that speed-ups are told against."""
+    methods, integrators = measured["contender"], measured["integrator"]
+    own = {name: int(np.flatnonzero(methods == name)[0]) for name in BASELINES}
+    first = own["sph_stencil"]
+    alike = (
+        (integrators == "explicit_euler")
+        & (measured["contender_mode_count"] == 0)
+        & (measured["contender_particle_count"] == measured["contender_particle_count"][first])
+        & (measured["contender_time_step"] == measured["contender_time_step"][first])
+    )
+    accurate = measured["contender_mode_count"] == 0
+    for field in FIELDS:
+        errors = measured[f"{field}_error_exact"]
+        # Neighbour lists and stencil, density and strain differ by less than this.
+        accurate &= errors <= 1.001 * errors[first]
+    return own | {
+        "fastest_explicit_euler": int(np.argmin(np.where(alike, median, np.inf))),
+        "fastest_full_model": int(np.argmin(np.where(accurate, median, np.inf))),
+    }
+
+
+def skipping_columns(measured: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Median times without and with what a scene may lack, their spread, and their ratio.
+
+    Parameters
+    ----------
+    measured : dict
+        As from `skipping.measure`.
+    """
+    columns: dict[str, Any] = {
+        "skipped": measured["skipped"],
+        "model": measured["skipping_model"],
+    }
+    for name in ("skipping_seconds", "general_seconds"):
+        lower, median, upper = np.quantile(measured[name], (0.25, 0.5, 0.75), axis=1)
+        columns |= {name: median, f"{name}_interquartile_range": upper - lower}
+    ratio = columns["general_seconds"] / columns["skipping_seconds"]
+    return columns | {"general_over_skipping": ratio}
 
 
 def compare_steps(scene: Scene, repeats: int, step_count: int = 2000) -> dict[str, np.ndarray]:

@@ -1,6 +1,7 @@
 """Models are timed, each job with the machine to itself. These results alone differ from run to
-run, and what is computed from them: cpu_time.csv, step_time.csv, the figures of kind
-acceleration, and the CPU-time rows of claims.csv and claims.md."""
+run, and what is computed from them: acceleration.csv, cpu_time.csv, skipping.csv, step_time.csv, the
+figures of kind acceleration, work_precision and scaling, and the CPU-time rows of claims.csv and
+claims.md."""
 
 
 rule cpu_time:
@@ -41,21 +42,80 @@ rule step_time:
         "../scripts/step_time.py"
 
 
-rule cpu_time_table:
+rule benchmark:
     input:
-        lambda wildcards: {"cpu_time": studies("cpu_time.nc"), "step_time": step_times()}[
-            wildcards.kind
-        ],
+        known_study,
+        snapshots="<results>/{scene}/{sampling}/snapshots.nc",
+        sph="<results>/{scene}/sph.nc",
+    output:
+        "<results>/{scene}/{sampling}/benchmark.nc",
+    log:
+        "<logs>/{scene}/{sampling}/benchmark.log",
+    threads: lambda wildcards: workflow.cores
+    params:
+        study=study_settings,
+        repeats=CONFIG["benchmark"]["repeats"],
+        code=code("benchmark.py"),
+    message:
+        "{wildcards.scene}: run time against error of every method, snapshots {wildcards.sampling}"
+    script:
+        "../scripts/benchmark.py"
+
+
+rule scaling:
+    input:
+        known_benchmark,
+    output:
+        "<results>/{scene}/scaling.nc",
+    log:
+        "<logs>/{scene}/scaling.log",
+    threads: lambda wildcards: workflow.cores
+    params:
+        physics=physics,
+        benchmark=CONFIG["benchmark"],
+        code=code("scaling.py"),
+    message:
+        "{wildcards.scene}: time and memory of a step against particles and modes"
+    script:
+        "../scripts/scaling.py"
+
+
+rule skipping:
+    input:
+        known_benchmark,
+    output:
+        "<results>/{scene}/skipping.nc",
+    log:
+        "<logs>/{scene}/skipping.log",
+    threads: lambda wildcards: workflow.cores
+    params:
+        physics=physics,
+        repeats=CONFIG["benchmark"]["repeats"],
+        code=code("skipping.py"),
+    message:
+        "{wildcards.scene}: what it saves to leave out what is not needed"
+    script:
+        "../scripts/skipping.py"
+
+
+rule timing_table:
+    input:
+        lambda wildcards: {
+            "acceleration": studies("cpu_time.nc"),
+            "cpu_time": studies("benchmark.nc"),
+            "skipping": of_step_scene("skipping.nc"),
+            "step_time": of_step_scene("step_time.nc"),
+        }[wildcards.kind],
     output:
         "<results>/{kind}.csv",
     log:
         "<logs>/{kind}_table.log",
     wildcard_constraints:
-        kind="cpu_time|step_time",
+        kind="acceleration|cpu_time|skipping|step_time",
     params:
         kind=lambda wildcards: wildcards.kind,
-        code=code("cpu_time_table.py"),
+        code=code("timing_table.py"),
     message:
-        "CPU times in a table, {wildcards.kind}"
+        "Measured times in a table, {wildcards.kind}"
     script:
-        "../scripts/cpu_time_table.py"
+        "../scripts/timing_table.py"

@@ -42,6 +42,29 @@ FIGURES = {figure["name"]: figure for figure in CONFIG["illustrations"]} | {
     for name, scene in SCENES.items()
     for figure in scene["figures"]
 }
+# What the benchmarks draw is no part of the paper, and not of the default target.
+BENCHMARK_FIGURES = {
+    f"benchmark_{name}_{sampling}": {
+        "kind": "work_precision",
+        "scene": name,
+        "sampling": sampling,
+        "section": "benchmarks",
+        "caption": (
+            f"CPU time against error, all methods, mode counts and integrators: {name}, snapshots"
+            f" {sampling}."
+        ),
+    }
+    for name, scene in SCENES.items()
+    for sampling in scene["acceleration"]
+}
+if "step_scene" in CONFIG["benchmark"]:
+    BENCHMARK_FIGURES["benchmark_scaling"] = {
+        "kind": "scaling",
+        "scene": CONFIG["benchmark"]["step_scene"],
+        "section": "benchmarks",
+        "caption": "Time and memory of a step against particles and modes, full and reduced models.",
+    }
+ALL_FIGURES = FIGURES | BENCHMARK_FIGURES
 
 
 pathvars:
@@ -107,10 +130,10 @@ def studies(file):
     ]
 
 
-def step_times():
-    """The timing of a step of full SPH, if one is asked for."""
+def of_step_scene(file):
+    """A file of the scene whose steps are timed, if there is one."""
     scene = CONFIG["benchmark"].get("step_scene")
-    return [f"<results>/{scene}/step_time.nc"] if scene else []
+    return [f"<results>/{scene}/{file}"] if scene else []
 
 
 # What a rule passes to its script ------------------------------------------------------------------
@@ -154,7 +177,7 @@ def paper_study(wildcards):
 
 def figure_options(wildcards):
     """Arguments of the plotting function of a figure that are not inputs."""
-    figure = FIGURES[wildcards.name]
+    figure = ALL_FIGURES[wildcards.name]
     options = {key: figure[key] for key in ("fields", "position") if key in figure}
     if figure["kind"] in ("error", "acceleration"):
         options["reference"] = SCENES[figure["scene"]]["references"][0]
@@ -198,6 +221,14 @@ def known_study(wildcards):
     return known(f"scene {wildcards.scene}: acceleration", wildcards.sampling, studies)
 
 
+def known_benchmark(wildcards):
+    """What a scene may lack is left out of one that lacks it all."""
+    scene = known_scene(wildcards) or Scene.from_settings(wildcards.scene, physics(wildcards))
+    if exact.kind(scene) != "dalembert" or scene.force_time is not None:
+        stop(f"scene = {wildcards.scene}: this needs one without damping, force or layers")
+    return []
+
+
 def known_reduced_model(wildcards):
     known_sampling(wildcards)
     if not re.fullmatch(
@@ -232,8 +263,8 @@ def paper_inputs(wildcards):
 
 def figure_inputs(wildcards):
     """What a figure shows, named as the arguments of its plotting function."""
-    known("figure", wildcards.name, FIGURES)
-    figure = FIGURES[wildcards.name]
+    known("figure", wildcards.name, ALL_FIGURES)
+    figure = ALL_FIGURES[wildcards.name]
     scene, sampling = figure.get("scene"), figure.get("sampling")
     of_scene, of_sampling = f"<results>/{scene}", f"<results>/{scene}/{sampling}"
     match figure["kind"]:
@@ -261,9 +292,13 @@ def figure_inputs(wildcards):
                 "cpu_time": f"{of_sampling}/cpu_time.nc",
                 "errors": f"{of_scene}/errors.nc",
             }
+        case "work_precision":
+            return {"benchmark": f"{of_sampling}/benchmark.nc"}
+        case "scaling":
+            return {"scaling": f"{of_scene}/scaling.nc"}
     return {}
 
 
 def figure_category(wildcards):
-    section = FIGURES[wildcards.name]["section"]
+    section = ALL_FIGURES[wildcards.name]["section"]
     return f"Section {section}" if section[:1].isdigit() else section

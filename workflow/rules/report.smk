@@ -14,9 +14,9 @@ rule figure:
     log:
         "<logs>/figures/{name}.log",
     params:
-        kind=lambda wildcards: FIGURES[wildcards.name]["kind"],
+        kind=lambda wildcards: ALL_FIGURES[wildcards.name]["kind"],
         options=figure_options,
-        caption=lambda wildcards: FIGURES[wildcards.name]["caption"],
+        caption=lambda wildcards: ALL_FIGURES[wildcards.name]["caption"],
         code=code("figure.py"),
     message:
         "Figure {wildcards.name}"

@@ -1,4 +1,4 @@
-"""Tell measured CPU times in two tables: savings of the studies, speed of a step of full SPH."""
+"""Tell measured CPU times in a table of one kind."""
 
 import pandas as pd
 
@@ -17,7 +17,7 @@ def table(paths, describe):
     )
 
 
-def study(settings, measured):
+def acceleration(settings, measured):
     return {
         "sampling": settings["sampling"]["name"],
         "contender": measured["contender"],
@@ -27,7 +27,7 @@ def study(settings, measured):
     }
 
 
-def step(settings, measured):
+def step_time(settings, measured):
     return {
         "particle_count": settings["particle_count"],
         "contender": measured["contender"],
@@ -35,7 +35,15 @@ def step(settings, measured):
     }
 
 
+def cpu_time(settings, measured):
+    return {"sampling": settings["sampling"]["name"], **timing.benchmark_columns(measured)}
+
+
+def skipping(settings, measured):
+    return {"particle_count": settings["particle_count"], **timing.skipping_columns(measured)}
+
+
 if __name__ == "__main__":
     log.start(snakemake.log[0])
-    describe = {"cpu_time": study, "step_time": step}[snakemake.params.kind]
+    describe = globals()[snakemake.params.kind]
     dataset.write_table(snakemake.output[0], table(snakemake.input, describe))

@@ -1,0 +1,126 @@
+"""What it saves to leave out what a scene does not need.
+
+Each thing that a scene may lack is run twice, by the model that leaves it out and by the general
+one that is given zeros, or the general structure, in its place. Both give the same result.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from sphpod import exact, lifted, lifted_rom, reference, sph, timing
+from sphpod.expressions import Expression
+from sphpod.rom import ReducedModel
+from sphpod.scaling import waves
+from sphpod.scene import Scene
+
+MODES = 12
+
+Run = Callable[[], object]
+
+
+class Pair(NamedTuple):
+    """Something that a scene may lack, in a model: without it, and with it in vain."""
+
+    skipped: str
+    model: str
+    without: Run
+    general: Run
+
+
+@dataclass(frozen=True)
+class Undamped(Scene):
+    """A scene whose damping is given, as zeros."""
+
+    def damping_values(self, positions=None):
+        return np.zeros_like(self.positions if positions is None else positions)
+
+
+@dataclass(frozen=True)
+class Varied(Scene):
+    """A scene whose modulus is given for every particle, and differs by a rounding."""
+
+    def modulus(self):
+        values = super().modulus()
+        values[0] = np.nextafter(values[0], np.inf)
+        return values
+
+
+def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
+    """CPU time with and without each thing that a scene may lack.
+
+    Parameters
+    ----------
+    scene : Scene
+        Undamped and unforced, with uniform material, and an exact solution.
+    repeats : int
+
+    Returns
+    -------
+    dict
+        skipped, skipping_model (things,); skipping_seconds without the thing and general_seconds
+        with it in vain, (things, repeats) [s].
+    """
+    pairs = _pairs(scene)
+    runs = [run for pair in pairs for run in (pair.without, pair.general)]
+    for run in runs:
+        run()
+    seconds = timing.measure(runs, repeats)
+    return {
+        "skipped": np.array([pair.skipped for pair in pairs]),
+        "skipping_model": np.array([pair.model for pair in pairs]),
+        "skipping_seconds": seconds[::2],
+        "general_seconds": seconds[1::2],
+    }
+
+
+def _pairs(scene: Scene) -> list[Pair]:
+    settings = {name: getattr(scene, name) for name in scene.__dataclass_fields__}
+    forced = replace(scene, force_time=Expression("0*t", ("t",), {}))
+    undamped, varied = Undamped(**settings), Varied(**settings)
+    kept = np.zeros((2, scene.error_times.size, scene.particle_count))
+    last = np.array([0, scene.step_count])
+    ends = np.zeros((2, 2, scene.particle_count))
+
+    def full(case, steps=scene.error_steps, neighbours="stencil", fields=kept):
+        run = sph.prepare(case, steps, neighbours)
+        return lambda: run(*fields)
+
+    def strained(case):
+        run = lifted.prepare(case, "explicit_euler")
+        return lambda: run(*kept)
+
+    rows = waves(scene.particle_count, MODES)
+    coordinates = np.zeros((2, scene.error_times.size, MODES))
+
+    def reduced(case):
+        run = ReducedModel(case, "frozen10", rows, rows).prepare(case.error_steps)
+        return lambda: run(*coordinates)
+
+    def jumping(case):
+        prepared = lifted_rom.LiftedModel(case, rows, rows[1:], 1).prepare("lifted_exact")
+        state, velocity0 = prepared.new_state(), case.velocity0()
+        return lambda: prepared.run(velocity0, state)
+
+    def found(neighbours):
+        return lambda: sph.prepare(scene, last, neighbours)(*ends)
+
+    plain, plain_reduced, plain_jumps = full(scene), reduced(scene), jumping(scene)
+    return [
+        Pair("force", "full SPH", plain, full(forced)),
+        Pair("force", "frozen10, k = 12", plain_reduced, reduced(forced)),
+        Pair("force", "lifted_exact, k = 12", plain_jumps, jumping(forced)),
+        Pair("damping", "full SPH", plain, full(undamped)),
+        Pair("varying modulus", "lifted full model", strained(scene), strained(varied)),
+        Pair("nonlinearity", "full SPH", strained(scene), plain),
+        Pair("neighbour search", "full SPH", found("stencil"), found("lists")),
+        Pair("outputs nobody asked for", "full SPH", full(scene, last, fields=ends), plain),
+        Pair(
+            "numerical reference",
+            "reference solution",
+            lambda: exact.solve(scene),
+            lambda: reference.solve_centred(scene, estimate_error=True),
+        ),
+    ]
