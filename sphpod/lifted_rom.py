@@ -289,7 +289,7 @@ def _eigenmodes(operator):
     whole = np.flatnonzero(values.imag == 0)
     upper = np.flatnonzero(values.imag > 0)
     to_modes = np.concatenate(
-        [vectors[:, upper].real, vectors[:, whole].real, -vectors[:, upper].imag], axis=1
+        [vectors[:, upper].real, vectors[:, whole].real, vectors[:, upper].imag], axis=1
     )
     if np.linalg.cond(to_modes) > ILL_CONDITIONED:
         return OwnModes(operator[None], 0, np.eye(len(operator)), orthogonal=True, apart=False)
