@@ -161,6 +161,17 @@ def test_a_force_on_oscillators_acts_as_scipy_integrates_it(name):
     np.testing.assert_allclose(block, found, rtol=0, atol=1e-13)
 
 
+@pytest.mark.parametrize("frequency", range(5, 200, 5))
+def test_no_panel_is_too_long_for_its_force(frequency):
+    block, interval, outputs = np.zeros((1, 2, 2)), 0.02, 61
+    found = run(
+        block, 1, np.array([[1.0, 0]]), np.zeros(1), interval, outputs,
+        lambda t: np.cos(frequency * t),
+    )  # fmt: skip
+    expected = np.sin(frequency * interval * np.arange(outputs)) / frequency
+    np.testing.assert_allclose(found[:, 0], expected, rtol=0, atol=1e-13)
+
+
 def test_a_slow_force_is_evaluated_few_times_and_a_rough_one_at_every_step():
     blocks, force = oscillators((7, 1)), np.array([[1.0, 0]])
     for name, euler_steps, count in (
