@@ -71,15 +71,16 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
         strain = lifted.strain(scene, snapshots["density_snapshots"])
     rigid = (mass / np.linalg.norm(mass))[None] if translates(scene) else np.zeros((0, mass.size))
     shares = velocity @ rigid.T
-    velocity_modes, velocity_values = _modes(velocity - shares @ rigid)
+    velocity_modes, velocity_values = _modes(velocity - shares @ rigid, np.linalg.norm(shares))
     strain_modes, strain_values = _modes(stiffness * strain)
+    velocity_modes = np.concatenate([rigid, velocity_modes])
     # Subtracted translation is orthogonal but for rounding, which modes of small values magnify.
     if len(rigid):
-        velocity_modes -= velocity_modes @ rigid.T @ rigid
-        velocity_modes /= np.linalg.norm(velocity_modes, axis=1, keepdims=True)
+        columns, shares_left = np.linalg.qr(velocity_modes.T)
+        velocity_modes = (columns * np.sign(np.diag(shares_left))).T
     return {
         "x": scene.positions,
-        "scaled_velocity_modes": np.concatenate([rigid, velocity_modes]),
+        "scaled_velocity_modes": velocity_modes,
         "scaled_strain_modes": strain_modes,
         "scaled_velocity_singular_values": np.concatenate(
             [np.linalg.norm(shares, axis=0), velocity_values]
@@ -89,10 +90,13 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
     }
 
 
-def _modes(snapshots):
-    """Modes of singular values that are not zero, as a matrix's numerical rank counts them."""
+def _modes(snapshots, removed=0.0):
+    """Modes of singular values that are not zero, as a matrix's numerical rank counts them.
+
+    What was removed from the snapshots, of that size, has left its rounding errors in them.
+    """
     rows, values = proper_modes(snapshots)
-    zero = max(snapshots.shape) * np.finfo(float).eps * values[0]
+    zero = max(snapshots.shape) * np.finfo(float).eps * np.hypot(values[0], removed)
     rank = np.count_nonzero(values > zero)
     return rows[:rank], values[:rank]
 
@@ -289,7 +293,7 @@ def _eigenmodes(operator):
     whole = np.flatnonzero(values.imag == 0)
     upper = np.flatnonzero(values.imag > 0)
     to_modes = np.concatenate(
-        [vectors[:, upper].real, vectors[:, whole].real, -vectors[:, upper].imag], axis=1
+        [vectors[:, upper].real, vectors[:, whole].real, vectors[:, upper].imag], axis=1
     )
     if np.linalg.cond(to_modes) > ILL_CONDITIONED:
         return OwnModes(operator[None], 0, np.eye(len(operator)), orthogonal=True, apart=False)

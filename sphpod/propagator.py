@@ -156,7 +156,7 @@ def _panels(amplitude, interval, intervals, euler_steps):
         if missed <= PANEL_ACCURACY * np.abs(values).max():
             return panel, length * (points + 1) / 2
     if euler_steps:
-        return 1, interval * np.arange(euler_steps) / euler_steps
+        return 1, _euler_times(interval, euler_steps)
     return 1, interval * (points + 1) / 2
 
 
@@ -166,16 +166,15 @@ def _interpolation(nodes, times):
     weights = 1 / np.prod(np.where(np.eye(nodes.size), 1, 4 * (nodes[:, None] - nodes)), axis=1)
     exact = difference == 0
     terms = weights / np.where(exact, 1, difference)
-    result = terms / terms.sum(axis=1, keepdims=True)
     hit = exact.any(axis=1)
-    result[hit] = exact[hit]
-    return result
+    terms[hit] = exact[hit]
+    return terms / terms.sum(axis=1, keepdims=True)
 
 
 def _responses(blocks, force, felt, interval, panel, nodes, euler_steps):
     """What the force at each node adds to each forced coordinate over each interval of a panel."""
     if euler_steps:
-        fractions = np.arange(euler_steps) / euler_steps
+        fractions = _euler_times(1, euler_steps)
         weights = np.full(euler_steps, interval / euler_steps)
         remaining = [_jump_steps(blocks, interval, euler_steps, s) for s in range(euler_steps)]
     else:
@@ -185,10 +184,19 @@ def _responses(blocks, force, felt, interval, panel, nodes, euler_steps):
     # What a force at each of these times within an interval has become at its end.
     parts = [w * (r @ force[:, :, None])[..., 0] for w, r in zip(weights, remaining, strict=True)]
     times = interval * (np.arange(panel)[:, None] + fractions)
-    scale = 2 / (panel * interval)
-    to_times = _interpolation(scale * nodes - 1, (scale * times - 1).ravel())
-    to_times = to_times.reshape(panel, fractions.size, nodes.size)
-    return np.einsum("pcq,cf->fqp", to_times, np.array(parts)[:, felt])
+    if np.array_equal(nodes, times.ravel()):
+        # No polynomial through many times that are evenly spaced, which magnifies rounding.
+        to_times = np.eye(nodes.size)
+    else:
+        scale = 2 / (panel * interval)
+        to_times = _interpolation(scale * nodes - 1, (scale * times - 1).ravel())
+    shape = panel, fractions.size, nodes.size
+    return np.einsum("pcq,cf->fqp", to_times.reshape(shape), np.array(parts)[:, felt])
+
+
+def _euler_times(interval, euler_steps):
+    """Times at which the explicit Euler steps of an interval begin."""
+    return interval * (np.arange(euler_steps) / euler_steps)
 
 
 def _jump_steps(blocks, interval, euler_steps, done):
