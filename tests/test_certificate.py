@@ -1,0 +1,301 @@
+"""Error bounds of lifted reduced models, and mode counts chosen by tolerance."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scenes import VARIED, scene
+
+from sphpod import certificate, lifted, lifted_rom
+from sphpod.error import relative_error
+from sphpod.lifted_rom import LiftedModel
+from sphpod.stability import Breakdown
+
+ROUNDING = 1e-11
+"""Of the initial norm: what rounding errors of both models may add to the error."""
+
+SETTINGS = {
+    "plain": {},
+    "damped": {"damping": 3},
+    "forced": {"force": "1e-3*cos(9*t)"},
+    "damped and forced": {"damping": 3, "force": VARIED["force"]},
+    "varied": VARIED,
+}
+each = pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
+SOLVED: dict[str, dict] = {}
+TENS = "1e-3*sum(cos(l**2)*sin(2*pi*l*x/L + l) for l in range(1, 9))"
+
+
+def exact(case):
+    """The lifted full model, solved once for each scene."""
+    if repr(case) not in SOLVED:
+        SOLVED[repr(case)] = lifted.solve(case, "exact")
+    return SOLVED[repr(case)]
+
+
+def decomposed(case, rows=slice(0, 50, 5)):
+    """Modes of snapshots of the lifted full model."""
+    taken = {f"{field}_snapshots": exact(case)[field][rows] for field in ("velocity", "strain")}
+    return lifted_rom.decompose(case, taken)
+
+
+def with_density(case, solution):
+    return solution | {"density": lifted.density(case, solution["strain"])}
+
+
+def size(case):
+    """Norm of the initial energy."""
+    return float(np.linalg.norm(lifted.energy_weights(case)[0] * case.velocity0()))
+
+
+def true_errors(model, state):
+    """Energy norm of the error against the lifted full model, at each time."""
+    squares = 0.0
+    for field, weights, modes, coordinates in zip(
+        ("velocity", "strain"),
+        lifted.energy_weights(model.scene),
+        (model.velocity_modes, model.strain_modes),
+        model.coordinates(state),
+        strict=True,
+    ):
+        error = weights * exact(model.scene)[field] - coordinates @ modes
+        squares = squares + np.sum(error**2, axis=1)
+    return np.sqrt(squares)
+
+
+def one_block(model):
+    """The model, carried as if its eigenvectors were ill-conditioned."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lifted_rom, "ILL_CONDITIONED", 0)
+        model.__dict__["own"] = lifted_rom._eigenmodes(model.operator)
+    assert model.own.blocks.shape == (1, *model.operator.shape)
+    return model
+
+
+@st.composite
+def random_models(draw):
+    """Any scene, modes of any of its snapshots or any at all, and any number of them."""
+    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
+    count = draw(st.integers(7, 24))
+
+    def profile(size, depth):
+        depth, shift, wave = rng.uniform(0, depth), rng.uniform(0, 6), rng.integers(1, 4)
+        return f"{size}*(1 + {depth}*sin(2*pi*{wave}*x/L + {shift}))"
+
+    uneven = draw(st.booleans())
+    changes = {
+        "particle_count": count,
+        "smoothing_ratio": draw(st.sampled_from([0.9, 1.04, 1.7])),
+        "initial_density": profile(rng.uniform(0.5, 2), 0.9 * uneven),
+        "youngs_modulus": profile(rng.uniform(0.05, 0.5), 0.9 * uneven),
+        "damping": draw(st.sampled_from([0, rng.uniform(0, 40), profile(rng.uniform(0, 40), 1)])),
+        "initial_velocity": profile(1e-3, 3),
+    }
+    course = f"1e-3*cos({rng.uniform(0, 20)}*t)"
+    forces = [None, course, {"time": course, "profile": profile(1, 3)}]
+    if force := draw(st.sampled_from(forces)):
+        changes["force"] = force
+    case = scene(**changes)
+    k = draw(st.integers(1, count))
+    if draw(st.booleans()):
+        modes = decomposed(case, np.sort(rng.choice(101, rng.integers(1, 30), replace=False)))
+        assume(modes["scaled_strain_modes"].size)
+        model = lifted_rom.build(case, modes, k)
+    else:
+        rows = (np.linalg.qr(rng.standard_normal((count, n)))[0].T for n in (k, max(1, k - 1)))
+        model = LiftedModel(case, *rows, 0)
+    return one_block(model) if len(model.operator) > 1 and draw(st.booleans()) else model
+
+
+@settings(deadline=None, max_examples=150)
+@given(random_models(), st.integers(0, 2**32 - 1))
+def test_bounds_are_never_below_the_error(model, seed):
+    """Whatever the scene, the modes, their number, and the corrections that are made to them."""
+    try:
+        state = model.prepare("lifted_exact").solve()
+    except Breakdown:
+        assume(False)
+    errors = true_errors(model, state)
+    bounds = list(certificate.bounds(model))
+    full, modes = lifted.operator(model.scene), certificate.own_modes(model)
+    rng = np.random.default_rng(seed)
+    for scale in (1e-3, 1):
+        corrections = scale * rng.standard_normal(modes.shape)
+        changed = modes + corrections
+        residual = full @ changed - changed @ model.own.operator
+        bounds.append(certificate._bound(model, modes, corrections, residual))
+    for bound in bounds:
+        assert (bound(state) - errors).min() >= -ROUNDING * size(model.scene)
+
+
+@each
+@pytest.mark.parametrize("blocks", ["as found", "one block"])
+def test_with_all_modes_the_bound_is_rounding(changes, blocks):
+    case = scene(**changes)
+    every = np.eye(case.particle_count)
+    model = LiftedModel(case, every, every, 0)
+    if blocks == "one block":
+        one_block(model)
+    state = model.prepare("lifted_exact").solve()
+    for bound in certificate.bounds(model):
+        assert bound(state).max() < ROUNDING * size(case)
+
+
+@pytest.mark.parametrize("changes", [{}, {"initial_density": VARIED["initial_density"]}])
+def test_corrected_modes_make_the_bound_sharper(changes):
+    """Where waves that the model lacks are driven off their own frequencies."""
+    case = scene(**changes, initial_velocity=TENS, duration=10)
+    prepared = lifted_rom.build(case, decomposed(case, slice(0, 101, 2)), 12).prepare(
+        "lifted_exact"
+    )
+    state = prepared.solve()
+    plain, corrected = (bound(state) for bound in certificate.bounds(prepared.model))
+    assert corrected.max() < plain.max() / 3
+    sharper = certificate.error_bounds(prepared, state)
+    np.testing.assert_array_equal(sharper, [np.minimum(plain, corrected), plain])
+    assert np.all(sharper[0] >= true_errors(prepared.model, state) - ROUNDING * size(case))
+
+
+@each
+def test_certified_errors_are_those_of_reconstructed_fields(changes):
+    case, count = scene(**changes), 4
+    full, modes = exact(case), decomposed(case)
+    reference = with_density(case, lifted.solve(case, "leapfrog"))
+    arrays = certificate.certify(case, [count], modes, full, reference)
+    prepared = lifted_rom.build(case, modes, count).prepare("lifted_exact")
+    state = prepared.solve()
+    velocity, strain = np.empty((2, *full["velocity"].shape))
+    prepared.reconstruct(state, velocity, strain)
+    found = with_density(case, {"velocity": velocity, "strain": strain})
+
+    def energies(fields):
+        return [
+            np.sum((weights * fields[field]) ** 2, axis=1)
+            for field, weights in zip(
+                ("velocity", "strain"), lifted.energy_weights(case), strict=True
+            )
+        ]
+
+    total = energies(full)
+    wrong = energies({field: found[field] - full[field] for field in ("velocity", "strain")})
+    largest = np.sqrt(sum(total).max())
+    bound, plain = certificate.error_bounds(prepared, state)
+    expected = {
+        "velocity_error_reference": relative_error(found["velocity"], reference["velocity"]),
+        "density_error_reference": relative_error(found["density"], reference["density"]),
+        "velocity_error_lifted": np.sqrt(wrong[0].sum() / total[0].sum()),
+        "strain_error_lifted": np.sqrt(wrong[1].sum() / total[1].sum()),
+        "energy_error_lifted": np.sqrt(sum(wrong).max()) / largest,
+        "energy_error_bound": bound.max() / largest,
+        "residual_bound": plain.max() / largest,
+    }
+    for name, value in expected.items():
+        assert arrays[name] == pytest.approx([value], rel=1e-9), name
+    np.testing.assert_allclose(arrays["error_bound"], bound, rtol=1e-12)
+    np.testing.assert_array_equal(arrays["t"], case.error_times)
+    slack = (bound - true_errors(prepared.model, state)).min() / size(case)
+    assert arrays["bound_slack"] == pytest.approx([slack], rel=1e-6, abs=1e-13)
+
+
+@each
+def test_a_sweep_certifies_as_single_models_do(changes):
+    case = scene(**changes)
+    full, modes = exact(case), decomposed(case)
+    solutions = full, with_density(case, full)
+    counts = [1, 2, 5, 100]
+    sweep = certificate.certify(case, counts, modes, *solutions)
+    for n, count in enumerate(counts):
+        single = certificate.certify(case, [count], modes, *solutions)
+        for name, values in sweep.items():
+            np.testing.assert_allclose(values[n : n + 1], single[name], rtol=1e-9, atol=1e-13)
+        assert single["error_bound"].shape == single["t"].shape
+    assert set(single) - set(sweep) == {
+        "t", "scaled_velocity_coordinates", "scaled_strain_coordinates", "error_bound",
+    }  # fmt: skip
+    assert np.all(sweep["energy_error_bound"] >= sweep["energy_error_lifted"] - ROUNDING)
+    assert np.all(sweep["residual_bound"] >= sweep["energy_error_bound"])
+    assert np.all(sweep["bound_slack"] >= -ROUNDING)
+    # All modes at once are the best model.
+    assert sweep["difference_from_best"][-1] == 0
+    assert np.all(sweep["difference_from_best"][:-1] > 0)
+
+
+def strained(amplitude):
+    """Two waves that strain so much that a model with only one of them breaks down."""
+    wave = f"{amplitude}*(sin(2*pi*x/L) + 0.6*sin(6*pi*x/L))"
+    return scene("crash", initial_velocity=wave)
+
+
+def test_breakdown_is_infinite_in_a_sweep_and_raised_of_one():
+    case, modes = strained(0.25), decomposed(strained(0.01))
+    solutions = exact(case), with_density(case, exact(case))
+    sweep = certificate.certify(case, [1, 2], modes, *solutions)
+    assert sweep["breakdown_time"][0] == pytest.approx(0.41)
+    assert np.isnan(sweep["breakdown_time"][1])
+    assert np.isnan(sweep["bound_slack"][0])
+    for name in set(sweep) - {"mode_count", "breakdown_time", "bound_slack"}:
+        assert np.isinf(sweep[name][0]), name
+        assert np.isfinite(sweep[name][1]), name
+    with pytest.raises(Breakdown, match="scene crash: the lifted model with 1 modes"):
+        certificate.certify(case, [1], modes, *solutions)
+    # A model that breaks down is not chosen, however large the tolerance; the best one must hold.
+    assert certificate.choose(case, 0.99, modes)["mode_count"] == 2
+    with pytest.raises(Breakdown, match="scene crash: the lifted model with 2 modes"):
+        certificate.choose(strained(0.3), 0.99, modes)
+
+
+@each
+@pytest.mark.parametrize("tolerance", [0.5, 1e-1, 1e-2, 1e-4, 1e-8, 1e-14])
+def test_the_smallest_model_within_the_tolerance_is_chosen(changes, tolerance):
+    case = scene(**changes)
+    full, modes = exact(case), decomposed(case)
+    chosen = certificate.choose(case, tolerance, modes)
+    count, best = int(chosen["mode_count"][0]), len(modes["scaled_velocity_modes"])
+    assert chosen["best_mode_count"] == best
+    sweep = certificate.certify(case, range(1, best + 1), modes, full, with_density(case, full))
+    assert sweep["difference_from_best"][count - 1] <= tolerance
+    assert np.all(sweep["difference_from_best"][: count - 1] > tolerance)
+    single = certificate.certify(case, [count], modes, full, with_density(case, full))
+    for name in ("t", "scaled_velocity_coordinates", "scaled_strain_coordinates", "error_bound"):
+        np.testing.assert_array_equal(chosen[name], single[name])
+    np.testing.assert_allclose(
+        chosen["difference_from_best"], single["difference_from_best"], rtol=1e-9
+    )
+    # Relative to the best model, as nothing is known of the full one.
+    norm = certificate.Best.of(case, modes).norm
+    for name in ("energy_error_bound", "residual_bound"):
+        full_norm = single["error_bound"].max() / single["energy_error_bound"]
+        np.testing.assert_allclose(chosen[name] * norm, single[name] * full_norm, rtol=1e-9)
+    within = chosen["energy_error_bound"][0] <= tolerance
+    assert chosen["certified"] == within
+    # Told of the full model, the certificate is right.
+    error = sweep["energy_error_lifted"][count - 1] * full_norm[0] / norm
+    assert error <= tolerance + ROUNDING or not within
+
+
+def test_models_are_certified_and_not():
+    """Three waves are three modes; of eight waves a short time shows too little."""
+    chosen = certificate.choose(scene(), 1e-2, decomposed(scene()))
+    assert chosen["certified"]
+    many = scene(initial_velocity=TENS)
+    chosen = certificate.choose(many, 1e-2, decomposed(many, slice(0, 20, 5)))
+    assert not chosen["certified"]
+
+
+@pytest.mark.parametrize(
+    ("certified", "bound", "sentence"),
+    [
+        (1, 4.56e-3, "certified: the bound 4.6e-03 is within 0.01"),
+        (0, 0.123, "not certified: the bound 1.2e-01 is not within 0.01"),
+    ],
+)
+def test_the_verdict_is_said_in_words(certified, bound, sentence):
+    chosen = {
+        "tolerance": np.array(1e-2),
+        "mode_count": np.array([7]),
+        "difference_from_best": np.array([2.34e-3]),
+        "energy_error_bound": np.array([bound]),
+        "certified": np.array(certified),
+    }
+    words = certificate.verdict(chosen)
+    assert words == f"7 modes are within 2.3e-03 of the best model; {sentence}"
