@@ -107,7 +107,7 @@ def random_models(draw):
     return one_block(model) if len(model.operator) > 1 and draw(st.booleans()) else model
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=50)
 @given(random_models(), st.integers(0, 2**32 - 1))
 def test_bounds_are_never_below_the_error(model, seed):
     """Whatever the scene, the modes, their number, and the corrections that are made to them."""
@@ -199,7 +199,7 @@ def test_certified_errors_are_those_of_reconstructed_fields(changes):
 
 @each
 def test_a_sweep_certifies_as_single_models_do(changes):
-    case = scene(**changes)
+    case = scene(**changes, initial_velocity=TENS)
     full, modes = exact(case), decomposed(case)
     solutions = full, with_density(case, full)
     counts = [1, 2, 5, 100]
@@ -245,32 +245,29 @@ def test_breakdown_is_infinite_in_a_sweep_and_raised_of_one():
 
 
 @each
-@pytest.mark.parametrize("tolerance", [0.5, 1e-1, 1e-2, 1e-4, 1e-8, 1e-14])
-def test_the_smallest_model_within_the_tolerance_is_chosen(changes, tolerance):
+def test_the_smallest_model_within_the_tolerance_is_chosen(changes):
     case = scene(**changes)
     full, modes = exact(case), decomposed(case)
-    chosen = certificate.choose(case, tolerance, modes)
-    count, best = int(chosen["mode_count"][0]), len(modes["scaled_velocity_modes"])
-    assert chosen["best_mode_count"] == best
-    sweep = certificate.certify(case, range(1, best + 1), modes, full, with_density(case, full))
-    assert sweep["difference_from_best"][count - 1] <= tolerance
-    assert np.all(sweep["difference_from_best"][: count - 1] > tolerance)
-    single = certificate.certify(case, [count], modes, full, with_density(case, full))
-    for name in ("t", "scaled_velocity_coordinates", "scaled_strain_coordinates", "error_bound"):
-        np.testing.assert_array_equal(chosen[name], single[name])
-    np.testing.assert_allclose(
-        chosen["difference_from_best"], single["difference_from_best"], rtol=1e-9
-    )
-    # Relative to the best model, as nothing is known of the full one.
-    norm = certificate.Best.of(case, modes).norm
-    for name in ("energy_error_bound", "residual_bound"):
-        full_norm = single["error_bound"].max() / single["energy_error_bound"]
-        np.testing.assert_allclose(chosen[name] * norm, single[name] * full_norm, rtol=1e-9)
-    within = chosen["energy_error_bound"][0] <= tolerance
-    assert chosen["certified"] == within
-    # Told of the full model, the certificate is right.
-    error = sweep["energy_error_lifted"][count - 1] * full_norm[0] / norm
-    assert error <= tolerance + ROUNDING or not within
+    solutions = full, with_density(case, full)
+    best, norm = len(modes["scaled_velocity_modes"]), certificate.Best.of(case, modes).norm
+    sweep = certificate.certify(case, range(1, best + 1), modes, *solutions)
+    for tolerance in (0.5, 1e-1, 1e-2, 1e-4, 1e-8, 1e-14):
+        chosen = certificate.choose(case, tolerance, modes)
+        count = int(chosen["mode_count"][0])
+        assert chosen["best_mode_count"] == best
+        assert sweep["difference_from_best"][count - 1] <= tolerance
+        assert np.all(sweep["difference_from_best"][: count - 1] > tolerance)
+        single = certificate.certify(case, [count], modes, *solutions)
+        for name in set(chosen) & set(single) - {"energy_error_bound", "residual_bound"}:
+            np.testing.assert_array_equal(chosen[name], single[name])
+        # Relative to the best model, as nothing is known of the full one.
+        ratio = single["error_bound"].max() / single["energy_error_bound"][0] / norm
+        for name in ("energy_error_bound", "residual_bound"):
+            np.testing.assert_allclose(chosen[name], single[name] * ratio, rtol=1e-9)
+        assert chosen["certified"] == (chosen["energy_error_bound"][0] <= tolerance)
+        # What is certified is so.
+        error = single["energy_error_lifted"][0] * ratio
+        assert not chosen["certified"] or error <= tolerance + ROUNDING
 
 
 def test_models_are_certified_and_not():

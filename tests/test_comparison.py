@@ -66,7 +66,9 @@ def test_mode_counts_need_not_begin_at_one():
 @given(st.lists(st.tuples(st.floats(0, 0.3), st.floats(0, 0.03)), min_size=1, max_size=8))
 def test_from_where_a_model_works_it_goes_on_to(pairs):
     table = sweep(*zip(*pairs, strict=True))
-    threshold, works_from = (f(table, ERRORS) for f in (comparison.threshold, comparison.works_from))
+    threshold, works_from = (
+        f(table, ERRORS) for f in (comparison.threshold, comparison.works_from)
+    )
     works = [v < 0.1 and rho < 0.01 for v, rho in pairs]
     assert threshold == (works.index(True) + 1 if any(works) else None)
     if works_from is None:
