@@ -102,8 +102,8 @@ def random_models(draw):
         assume(modes["scaled_strain_modes"].size)
         model = lifted_rom.build(case, modes, k)
     else:
-        rows = (np.linalg.qr(rng.standard_normal((count, n)))[0].T for n in (k, max(1, k - 1)))
-        model = LiftedModel(case, *rows, 0)
+        first, second = (np.linalg.qr(rng.standard_normal((count, count)))[0] for _ in range(2))
+        model = LiftedModel(case, first[:k], second[: max(1, k - 1)], 0)
     return one_block(model) if len(model.operator) > 1 and draw(st.booleans()) else model
 
 

@@ -74,6 +74,7 @@ def test_from_where_a_model_works_it_goes_on_to(pairs):
     if works_from is None:
         assert not works[-1]
     else:
+        assert threshold is not None
         assert threshold <= works_from
         assert all(works[works_from - 1 :])
         assert works_from == 1 or not works[works_from - 2]
