@@ -68,8 +68,8 @@ def certify(
         elastic energy over all times; and of the largest energy norm over time: the largest error
         energy_error_lifted, its bound energy_error_bound, the bound residual_bound without
         corrected modes, and difference_from_best, how far the model is from the one with all modes
-        of the snapshots; bound_slack, the smallest difference of bound and error over time, of the
-        initial norm; breakdown_time. For a single count also t, scaled_velocity_coordinates,
+        of the snapshots, and bound_slack, the smallest difference of bound and error over time;
+        breakdown_time. For a single count also t, scaled_velocity_coordinates,
         scaled_strain_coordinates and error_bound (times,).
 
     Raises
@@ -114,7 +114,7 @@ def certify(
         arrays["energy_error_bound"][n] = bound.max() / norms.max()
         arrays["residual_bound"][n] = plain.max() / norms.max()
         arrays["difference_from_best"][n] = best.difference(a, b)
-        arrays["bound_slack"][n] = (bound - error).min() / norms[0]
+        arrays["bound_slack"][n] = (bound - error).min() / norms.max()
         if len(counts) == 1:
             arrays |= prepared.stored(state) | {"error_bound": bound}
     return arrays

@@ -144,7 +144,9 @@ VARIABLES = _fields() | {
         ("mode_count",), "1", "largest energy norm of the difference from the model with all modes"
     ),
     "bound_slack": Variable(
-        ("mode_count",), "1", "smallest difference of bound and error, of the initial energy norm"
+        ("mode_count",),
+        "1",
+        "smallest difference of bound and error over time, of the largest norm",
     ),
     "error_bound": Variable(("t",), ENERGY_ROOT, "bound of the energy norm of the error"),
     "tolerance": Variable((), "1", "largest allowed difference from the best model"),

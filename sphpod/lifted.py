@@ -345,11 +345,12 @@ def _adaptive(scene, integrator, tolerance):
     weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
     inertia, modulus = 1 / scene.density0(), scene.modulus()
     damping = scene.damping_values()
-    _, profile = scene.force_values(times[:1])
     start = np.concatenate([scene.velocity0(), np.zeros(count)])
     # Strain and velocity over the speed of sound are alike in size.
     speed = np.sqrt(modulus * inertia)
-    size = np.abs(start[:count]).max() or 1.0
+    amplitude, profile = scene.force_values(times)
+    pushed = np.abs(amplitude).max(initial=0) * np.abs(profile).max(initial=0) * times[-1]
+    size = np.abs(start[:count]).max() + pushed or 1.0
     absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
     fields = np.empty((2, count + 2 * weights.size))
 

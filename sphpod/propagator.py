@@ -162,13 +162,10 @@ def _panels(amplitude, interval, intervals, euler_steps):
 
 def _interpolation(nodes, times):
     """Matrix (times, nodes) from a polynomial's values at the nodes to those at other times."""
-    difference = times[:, None] - nodes
-    weights = 1 / np.prod(np.where(np.eye(nodes.size), 1, 4 * (nodes[:, None] - nodes)), axis=1)
-    exact = difference == 0
-    terms = weights / np.where(exact, 1, difference)
-    hit = exact.any(axis=1)
-    terms[hit] = exact[hit]
-    return terms / terms.sum(axis=1, keepdims=True)
+    from scipy.interpolate import BarycentricInterpolator
+
+    # The seed is that of the order in which it multiplies, which rounding depends on.
+    return BarycentricInterpolator(nodes, np.eye(nodes.size), rng=0)(times)
 
 
 def _responses(blocks, force, felt, interval, panel, nodes, euler_steps):

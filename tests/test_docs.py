@@ -33,7 +33,7 @@ README = DOCUMENTS["README.md"]
 EXAMPLE = "config/mine.yaml"
 """The file that docs/adding-a-scene.md lets the reader write."""
 
-UNITS = {"m s-1": "m/s", "kg m-3": "kg/m³"}
+UNITS = {"m s-1": "m/s", "kg m-3": "kg/m³", "kg0.5 s-1": "√(J/m²)"}
 """Units of datasets as the documents write them, where they differ."""
 
 
@@ -119,7 +119,8 @@ def notation() -> dict[str, dict[str, tuple[str, str]]]:
 
 
 def test_notation_has_every_variable_with_its_dimensions_and_unit(notation):
-    stored = ("Solutions", "Errors", "Snapshots", "Modes", "Reduced models", "CPU times")
+    stored = ("Solutions", "Errors", "Snapshots", "Modes", "Reduced models", "Lifted models")
+    stored += ("CPU times", "Benchmarks")
     written = {name: entry for group in stored for name, entry in notation[group].items()}
     assert written == {
         name: (f"({', '.join(meaning.dims)})", UNITS.get(meaning.units, meaning.units))
@@ -338,6 +339,8 @@ def test_pictures_are_small_and_of_figures(paper):
     shown = re.findall(r"!\[[^\]]+\]\(docs/images/(.+)\.png\)", README)
     assert len(shown) == 3
     assert set(shown) <= drawn
+    measured = DOCUMENTS["docs/performance.md"]
+    shown += re.findall(r"!\[[^\]]+\]\(images/(benchmark_.+)\.png\)", measured)
     pictures = {path.stem: path for path in (ROOT / "docs" / "images").glob("*.png")}
     assert set(pictures) == set(shown)
     assert all(path.stat().st_size < 150_000 for path in pictures.values())

@@ -228,22 +228,6 @@ def test_a_jump_of_many_steps_repeats_them_under_a_rough_force(euler_steps):
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12)
 
 
-@settings(deadline=None)
-@given(st.integers(1, 24), st.integers(0, 2**32 - 1))
-def test_interpolation_is_exact_for_polynomials(count, seed):
-    rng = np.random.default_rng(seed)
-    nodes, _ = np.polynomial.legendre.leggauss(count)
-    times = np.concatenate([rng.uniform(-1, 1, 9), nodes[:1]])
-    coefficients = rng.standard_normal(count)
-    values = np.polynomial.chebyshev.chebval(nodes, coefficients)
-    np.testing.assert_allclose(
-        propagator._interpolation(nodes, times) @ values,
-        np.polynomial.chebyshev.chebval(times, coefficients),
-        rtol=0,
-        atol=1e-12 * np.abs(coefficients).sum(),
-    )
-
-
 def test_jumps_can_be_run_again():
     blocks, force = oscillators((7, 1), (3, 0)), np.array([[1.0, 0], [0, 0]])
     jumps = propagator.prepare(blocks, 0, force, 0.01, 101, FORCES["slow"])
