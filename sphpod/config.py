@@ -101,12 +101,7 @@ def load(
         "benchmark": DEFAULT_BENCHMARK | settings.get("benchmark", {}),
     }
     _check_figure_names(resolved)
-    step_scene = resolved["benchmark"].get("step_scene")
-    if step_scene is not None and step_scene not in resolved["scenes"]:
-        known = ", ".join(resolved["scenes"])
-        raise _refusal(
-            None, "benchmark.step_scene", step_scene, f"no such scene; allowed are {known}"
-        )
+    _check_benchmark(resolved)
     return resolved
 
 
@@ -134,7 +129,7 @@ def parse_tolerance(text: str) -> float:
     ValueError
         The text is no number between 0 and 1.
     """
-    if re.fullmatch(r"[1-9](\.\d+)?e-\d{1,2}|0\.\d*[1-9]\d*", text):
+    if re.fullmatch(r"[1-9](\.\d+)?e-\d{1,2}|0\.\d+", text) and 0 < float(text) < 1:
         return float(text)
     raise ValueError("it must be a number above 0 and below 1, such as 1e-2 or 0.05")
 
@@ -551,6 +546,26 @@ def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) ->
 def _known(what: str, names: Iterable[str]) -> str:
     allowed = ", ".join(names)
     return f"the scene has no such {what}; {f'allowed are {allowed}' if allowed else 'it has none'}"
+
+
+def _check_benchmark(config: dict[str, Any]) -> None:
+    benchmark, scenes = config["benchmark"], config["scenes"]
+    step_scene = benchmark.get("step_scene")
+    if step_scene is None:
+        return
+    if step_scene not in scenes:
+        known = ", ".join(scenes)
+        raise _refusal(
+            None, "benchmark.step_scene", step_scene, f"no such scene; allowed are {known}"
+        )
+    particles, most = scenes[step_scene]["particle_count"], max(benchmark["mode_counts"])
+    if most >= particles:
+        raise _refusal(
+            None,
+            "benchmark.mode_counts",
+            most,
+            f"it must be below the {particles} particles of {step_scene}",
+        )
 
 
 def _check_figure_names(config: dict[str, Any]) -> None:

@@ -289,7 +289,6 @@ def results_of_pairs(monkeypatch, case):
 
 def test_both_sides_of_a_pair_compute_the_same(monkeypatch):
     case = scene()
-    wrong = exact.solve(case)
     estimate = reference.solve_centred(case, estimate_error=True)
     places = []
     for skipped, model, without, general in results_of_pairs(monkeypatch, case):
@@ -303,10 +302,8 @@ def test_both_sides_of_a_pair_compute_the_same(monkeypatch):
             general = [field[[0, -1]] for field in general]
             tolerance = np.zeros(2)
         elif skipped == "numerical reference":
-            tolerance = np.array(
-                [error.relative_error(estimate[field], wrong[field]) for field in error.FIELDS]
-            )
-            assert tolerance.max() < 1e-6
+            tolerance = np.array([1.5 * estimate[f"{f}_error_estimate"] for f in error.FIELDS])
+            assert tolerance.max() < 1e-3
         else:
             tolerance = np.full(len(without), 1e-11)
         for first, second, most in zip(without, general, tolerance, strict=True):
@@ -402,7 +399,7 @@ def test_the_time_step_shrinks_with_the_spacing():
     assert finer.time_step / finer.spacing == pytest.approx(scene().time_step / scene().spacing)
 
 
-@pytest.mark.parametrize(("particles", "modes"), [(12, 12), (40, 1), (40, 7), (161, 32)])
+@pytest.mark.parametrize(("particles", "modes"), [(13, 12), (13, 13), (40, 1), (40, 7), (161, 32)])
 def test_waves_are_orthonormal_and_begin_with_the_constant(particles, modes):
     rows = scaling.waves(particles, modes)
     assert rows.shape == (modes, particles)

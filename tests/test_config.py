@@ -397,6 +397,38 @@ def test_refused_with_scene_key_value_and_what_is_allowed(load, changes, parts):
         ),
         (wave() | {"output": 3}, ["output = 3", "text"]),
         (wave() | {"benchmark": {"repeats": 0}}, ["benchmark.repeats = 0", "at least 1"]),
+        (
+            wave() | {"benchmark": {"particle_counts": [12, 100]}},
+            ["benchmark.particle_counts.0 = 12", "at least 13"],
+        ),
+        (
+            wave() | {"benchmark": {"particle_counts": [100]}},
+            ["benchmark.particle_counts = [100]", "at least 2 entries", "numbers of particles"],
+        ),
+        (
+            wave() | {"benchmark": {"particle_counts": 100}},
+            ["benchmark.particle_counts = 100", "a list"],
+        ),
+        (
+            wave() | {"benchmark": {"particle_counts": [20, 20.5]}},
+            ["benchmark.particle_counts.1 = 20.5", "a whole number"],
+        ),
+        (
+            wave() | {"benchmark": {"mode_counts": [1, 2]}},
+            ["benchmark.mode_counts.0 = 1", "at least 2"],
+        ),
+        (
+            wave() | {"benchmark": {"mode_counts": [4, 4]}},
+            ["benchmark.mode_counts = [4, 4]", "twice", "numbers of modes"],
+        ),
+        (
+            wave() | {"benchmark": {"mode_counts": [2, 20], "step_scene": "wave"}},
+            ["benchmark.mode_counts = 20", "below the 20 particles of wave"],
+        ),
+        (
+            wave() | {"benchmark": {"step_scene": "wave"}},
+            ["benchmark.mode_counts = 32", "below the 20 particles of wave"],
+        ),
         (wave() | {"benchmark": {"times": 3}}, ["benchmark.times = 3", "unknown key", "repeats"]),
         (wave() | {"illustrations": [{"kind": "spring"}]}, ["illustrations.0.name = (missing)"]),
         (
@@ -561,3 +593,62 @@ def test_modes_asked_for_are_checked(load, scene, sampling, modes, parts):
         config.check_modes(resolved, scene, sampling, modes)
     for part in parts:
         assert part in str(caught.value)
+
+
+# ------------------------------------------------------------------------------- tolerances
+
+
+@pytest.mark.parametrize(
+    ("text", "tolerance"),
+    [("1e-2", 1e-2), ("5e-3", 5e-3), ("2.5e-4", 2.5e-4), ("0.05", 0.05), ("1e-14", 1e-14)],
+)
+def test_tolerances(text, tolerance):
+    assert config.parse_tolerance(text) == tolerance
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "x", "5e-0", "9e-00", "0.99999999999999999999", "0", "1", "2", "0.0", "0e-2", "1e2", "1e-0", "-1e-2", ".1", "1.5", "1e-2 ", "nan",
+     "inf", "1e-999", "1E-2", "10e-3", "0.1\n"],
+)  # fmt: skip
+def test_tolerances_refused(text):
+    with pytest.raises(ValueError, match="above 0 and below 1, such as 1e-2"):
+        config.parse_tolerance(text)
+
+
+@settings(deadline=None)
+@given(st.from_regex(r"[0-9.e+-]{1,8}", fullmatch=True))
+def test_any_tolerance_is_between_zero_and_one(text):
+    try:
+        tolerance = config.parse_tolerance(text)
+    except ValueError:
+        return
+    assert 0 < tolerance < 1
+    assert tolerance == float(text)
+
+
+def test_usual_sweeps(load):
+    scenes = load(wave({"samplings.many": {"range": [0, 1], "count": 50}, "particle_count": 100}))[
+        "scenes"
+    ]
+    found = {
+        name: config.usual_sweep(scenes["wave"], name) for name in ("few", "uniform10", "many")
+    }
+    assert found == {"few": "1-3", "uniform10": "1-10", "many": "1-20"}
+    few = load(wave({"samplings.uniform10.mode_counts": 2, "particle_count": 9}))["scenes"]["wave"]
+    # What a sampling asks for is no matter, what it can give is.
+    assert config.usual_sweep(few, "uniform10") == "1-9"
+
+
+def test_one_mode_is_no_range(load):
+    one = {"samplings.one": {"range": [0, 1], "count": 1}}
+    scene = load(wave(one))["scenes"]["wave"]
+    assert config.usual_sweep(scene, "one") == "1"
+    assert scene["samplings"]["one"]["mode_counts"] == "1"
+
+
+def test_sizes_of_the_benchmark_by_default(load):
+    benchmark = load(wave())["benchmark"]
+    assert benchmark == config.DEFAULT_BENCHMARK
+    given = load(wave() | {"benchmark": {"particle_counts": [13, 1e2]}})["benchmark"]
+    assert given == benchmark | {"particle_counts": [13, 100]}
