@@ -232,7 +232,7 @@ def test_baselines_are_chosen_from_a_table():
 
 def results_of_pairs(monkeypatch, case):
     """What each side of each pair fills or gives, whichever model it is of."""
-    found = []
+    found: list[np.ndarray] = []
 
     def filling(prepare):
         def prepared(*arguments, **options):

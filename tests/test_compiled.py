@@ -1,9 +1,11 @@
 """Compiled kernels."""
 
+import re
+
 from numba.core.dispatcher import Dispatcher
 from scenes import VARIED, scene
 
-from sphpod import pod, reference, rom, snapshots, sph
+from sphpod import lifted, lifted_rom, pod, propagator, reference, rom, snapshots, sph
 
 SAMPLING = {"range": [0, 1], "count": 25}
 SCENES: tuple[dict, ...] = (
@@ -25,7 +27,15 @@ def test_every_kernel_has_one_signature(monkeypatch):
         sph.solve(case, case.error_steps, "lists")
         reference.solve_paper(case)
         reference.solve_centred(case)
-        modes = pod.decompose(snapshots.extract(case, SAMPLING, full))
+        for integrator in lifted.INTEGRATORS:
+            lifted.solve(case, integrator)
+        taken = snapshots.extract(case, SAMPLING, full)
+        modes, energy_modes = pod.decompose(taken), lifted_rom.decompose(case, taken)
+        for ill_conditioned in (1e6, 0):
+            monkeypatch.setattr(lifted_rom, "ILL_CONDITIONED", ill_conditioned)
+            for method in lifted_rom.METHODS:
+                for count in (2, 3, 7):
+                    lifted_rom.build(case, energy_modes, count).prepare(method).solve()
         for cheaper in (True, False):
             monkeypatch.setattr(rom, "tensor_is_cheaper", lambda *_, cheaper=cheaper: cheaper)
             for method in ("original", "linearized", "frozen1", "frozen3"):
@@ -39,11 +49,11 @@ def test_every_kernel_has_one_signature(monkeypatch):
                     pass
     kernels = {
         f"{module.__name__}.{name}": kernel
-        for module in (sph, reference, rom)
+        for module in (sph, reference, rom, lifted, propagator)
         for name, kernel in vars(module).items()
         if isinstance(kernel, Dispatcher)
     }
     # A kernel that only others call has none where these come from the cache.
     assert {name for name, kernel in kernels.items() if len(kernel.signatures) > 1} == set()
-    entries = [kernel for name, kernel in kernels.items() if ".march" in name]
-    assert [len(kernel.signatures) for kernel in entries] == [1] * 7
+    entries = [kernel for name, kernel in kernels.items() if re.search(r"\.(march|rates_of)", name)]
+    assert [len(kernel.signatures) for kernel in entries] == [1] * 11

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 import xarray as xr
 import yaml
@@ -16,7 +17,13 @@ import yaml
 ROOT = Path(__file__).parents[1]
 SOURCES = ("Snakefile", "config", "profiles", "sphpod", "workflow")
 # The rules whose results are measured times, and what is computed from those.
-TIMED = re.compile(r"cpu_time\.|step_time\.|claims\.|_acceleration\.(pdf|png)$|/logs/")
+TIMED = re.compile(
+    r"/(cpu_time|step_time|benchmark|skipping|scaling|claims)\.|/acceleration\.csv$|/logs/"
+    r"|(_acceleration|/benchmark_[^/]+)\.(pdf|png)$"
+)
+# Rules that are run for the targets `lifted` and `benchmarks` alone.
+LIFTED = {"lifted_full", "lifted_pod", "lifted_model", "thresholds", "certificates"}
+MEASURED = {"benchmark", "scaling", "skipping"}
 
 
 def command(*arguments):
@@ -51,6 +58,16 @@ def built(tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def benchmarked(built, tmp_path_factory):
+    """A copy of what has been built, to which the lifted models and the benchmarks were added."""
+    folder = tmp_path_factory.mktemp("benchmarked") / "project"
+    shutil.copytree(built, folder)
+    run = snakemake(folder, "--", "lifted", "benchmarks")
+    assert run.returncode == 0, run.stderr
+    return folder
+
+
 def results(folder):
     """Bytes of every result and figure that is no measured time, by path."""
     return {
@@ -68,7 +85,7 @@ def planned(folder, *arguments):
     if "Nothing to be done" in output:
         return set()
     table = output.partition("Job stats:")[2].partition("total")[0]
-    return set(re.findall(r"^(\w+) +\d+$", table, re.MULTILINE)) - {"all"}
+    return set(re.findall(r"^(\w+) +\d+$", table, re.MULTILINE)) - {"all", "lifted", "benchmarks"}
 
 
 def test_everything_is_built(built):
@@ -146,6 +163,112 @@ def test_code_makes_anew_what_uses_it(built):
     assert not {"sph", "reference", "errors", "snapshots"} & rules
 
 
+def test_lifted_models_and_benchmarks_are_targets_of_their_own(built, tmp_path):
+    assert not (LIFTED | MEASURED) & planned(copy_of_project(tmp_path))
+    assert not list(built.glob("small/**/*lifted*"))
+    assert planned(built, "--", "lifted") == LIFTED | {"reduced_model"}
+    assert planned(built, "--", "benchmarks") == LIFTED | MEASURED | {
+        "reduced_model",
+        "timing_table",
+        "figure",
+    }
+    chosen = "small/results/waves/uniform10/lifted_exact/tol1e-2.nc"
+    assert planned(built, chosen) == {"lifted_pod", "lifted_tolerance"}
+
+
+def test_lifted_models_and_benchmarks_are_built_after_the_default_target(built, benchmarked):
+    before, after = results(built), results(benchmarked)
+    assert before == {path: after[path] for path in before}
+    added = {path for path in after if path not in before}
+    tables = {path for path in added if path.endswith(".csv")}
+    assert tables == {
+        f"small/results/{name}.csv" for name in ("thresholds", "effectivity", "certificates")
+    }
+    assert not any("benchmark" in path for path in added)
+    measured = {path.name for path in (benchmarked / "small").glob("**/*benchmark*.*")}
+    assert measured - {"benchmark.log"} == {
+        "benchmark.nc",
+        *(f"benchmark_{name}.{form}" for name in ("waves_uniform10", "scaling")
+          for form in ("pdf", "png")),
+    }  # fmt: skip
+    for target in ("lifted", "benchmarks", "all"):
+        assert planned(benchmarked, "--", target) == set()
+
+
+def test_lifted_models_are_told_in_tables(benchmarked):
+    def table(name):
+        return pd.read_csv(benchmarked / "small" / "results" / f"{name}.csv")
+
+    samplings = [("waves", "uniform10"), ("damped_forced", "few"), ("graded", "random12")]
+    thresholds, effectivity = table("thresholds"), table("effectivity")
+    places = thresholds[["scene", "sampling", "method", "n_freeze"]].itertuples(index=False)
+    assert [tuple(place) for place in places] == [
+        *((*place, method, 0) for place in samplings for method in ("original", "lifted_euler")),
+        *(("waves", "uniform10", *method) for method in (("linearized", 0), ("frozen1", 1),
+                                                         ("frozen5", 5))),
+    ]  # fmt: skip
+    # Two waves are two lifted modes.
+    waves = thresholds[thresholds.scene == "waves"].set_index("method").threshold
+    assert waves["lifted_euler"] == 2 < waves["original"]
+    assert effectivity.groupby("scene").modes.max().to_dict() == {
+        "waves": 10,
+        "damped_forced": 4,
+        "graded": 12,
+    }
+    assert (effectivity.bound_slack >= -1e-11).all()
+    assert (effectivity.residual_bound >= effectivity.energy_error_bound).all()
+    certificates = table("certificates")
+    assert (certificates.groupby("scene").size() == 5).all()
+    words = set(certificates.verdict.str.replace(r"by k = \d+$", "by", regex=True))
+    assert words <= {"certified", "not certified", "not met by", "smallest tolerance certified"}
+
+
+def test_benchmarks_are_told_in_tables(benchmarked):
+    results = benchmarked / "small" / "results"
+    times = pd.read_csv(results / "cpu_time.csv")
+    assert {
+        "scene", "sampling", "method", "modes", "n_freeze", "integrator", "time_step",
+        "error_velocity", "error_density", "error_velocity_exact", "error_density_exact",
+        "cpu_seconds", "cpu_seconds_interquartile_range", "cpu_seconds_with_fields", "repeats",
+        "offline_snapshots_seconds", "offline_modes_seconds", "offline_projection_seconds",
+        "speedup_against_fastest_explicit_euler", "speedup_against_fastest_full_model", "machine",
+    } <= set(times.columns)  # fmt: skip
+    assert (times.repeats == 2).all()
+    full = times[times.modes == 0]
+    assert full.method.str.match("sph_|lifted_full").all()
+    assert full.integrator.notna().all()
+    assert {"original", "linearized", "frozen1", "frozen5", "lifted_euler", "lifted_exact"} == set(
+        times[times.modes > 0].method
+    )
+    skipping = pd.read_csv(results / "skipping.csv")
+    assert (skipping.skipping_seconds > 0).all()
+    assert skipping.skipped.nunique() == 7
+
+
+def test_a_plot_does_not_measure_anew(benchmarked):
+    with edited(benchmarked / "sphpod" / "plotting.py", "\nPAGE_WIDTH = ", "\nPAGE_WIDTH = 0.5 * "):
+        assert planned(benchmarked, "--", "benchmarks") == {"figure"}
+    with edited(benchmarked / "sphpod" / "certificate.py", "\nCRITICAL = ", "\nCRITICAL = 2 * "):
+        rules = planned(benchmarked, "--", "benchmarks")
+    assert rules == {"lifted_model", "certificates"}
+    with edited(benchmarked / "sphpod" / "skipping.py", "\nMODES = ", "\nMODES = 2 * "):
+        assert planned(benchmarked, "--", "benchmarks") == {"skipping", "timing_table"}
+
+
+@pytest.mark.parametrize("tolerance", ["1e-2", "0.05"])
+def test_modes_are_chosen_by_tolerance(benchmarked, tolerance):
+    target = f"small/results/waves/uniform10/lifted_exact/tol{tolerance}.nc"
+    run = snakemake(benchmarked, "--", target)
+    assert run.returncode == 0, run.stderr
+    with xr.open_dataset(benchmarked / target) as file:
+        assert file["tolerance"] == float(tolerance)
+        assert file["difference_from_best"] <= float(tolerance)
+        assert file["certified"] == (file["energy_error_bound"] <= float(tolerance))
+        assert "of the best model; certified: the bound" in file.attrs["title"]
+    log = benchmarked / f"small/results/logs/waves/uniform10/lifted_exact/tol{tolerance}.log"
+    assert "certified" in log.read_text()
+
+
 def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
     folder = copy_of_project(tmp_path, built)
     log = folder / "log"
@@ -197,6 +320,40 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
             ["--", "small/results/graded/random12/cpu_time.nc"],
             "scene graded: acceleration = random12: ",
         ),
+        (
+            ["--", "small/results/waves/uniform10/lifted_fast/k2.nc"],
+            "scene waves: method = lifted_fast: allowed are original, linearized, frozen1",
+        ),
+        (
+            ["--", "small/results/waves/uniform10/lifted_exact/k999.nc"],
+            "scene waves: modes = 999: ",
+        ),
+        (
+            ["--", "small/results/waves/uniform10/lifted_exact/tolx.nc"],
+            "scene waves: tolerance = x: it must be a number above 0 and below 1, such as 1e-2",
+        ),
+        (
+            ["--", "small/results/waves/uniform10/lifted_exact/tol2.nc"],
+            "scene waves: tolerance = 2: it must be a number above 0 and below 1",
+        ),
+        (
+            ["--", "small/results/waves/uniform10/lifted_euler/tol1e-2.nc"],
+            "scene waves: method = lifted_euler: did you mean lifted_exact? allowed are lifted_",
+        ),
+        (
+            ["--", "small/results/waves/nowhen/lifted_exact/tol1e-2.nc"],
+            "scene waves: sampling = nowhen: ",
+        ),
+        (["--", "small/results/nowhere/lifted_full.nc"], "scene = nowhere: allowed are waves, "),
+        (
+            ["--", "small/results/graded/random12/benchmark.nc"],
+            "scene graded: acceleration = random12: ",
+        ),
+        (
+            ["--", "small/results/graded/scaling.nc"],
+            "scene = graded: this needs one without damping, force or layers",
+        ),
+        (["--", "small/results/damped_forced/skipping.nc"], "scene = damped_forced: this needs"),
         (["--", "small/figures/nothing.pdf"], "figure = nothing: allowed are "),
         (["--config", "scenes={waves: {time_step: 0}}"], "scene waves: time_step = 0: "),
         (["--config", "output=/"], "output = /: "),
