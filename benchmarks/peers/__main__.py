@@ -21,11 +21,11 @@ def main() -> int:
         print(f"{contender}: error against {errors}", flush=True)
     print(f"Times: {run.REPEATS} turns", flush=True)
     seconds = run.take_times(problem, entries, run.REPEATS)
-    obstacle = run.pysph_obstacle()
-    remarks = disagreements + ([obstacle] if obstacle else [])
-    table.write(
-        "results/peers", list(run.rows(entries, seconds)), run.field_seconds(problem), remarks
-    )
+    rows = list(run.rows(entries, seconds))
+    if obstacle := run.pysph_obstacle():
+        print(obstacle)
+        rows.append(dict.fromkeys(rows[0]) | {"tool": "pysph", "note": obstacle})
+    table.write("results/peers", rows, run.field_seconds(problem), disagreements)
     print("Written: results/peers.csv, results/peers.md")
     return 1 if disagreements else 0
 

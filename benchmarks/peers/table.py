@@ -24,13 +24,12 @@ from full SPH, for other integrators from SPH exact in time. {processor}.
 """
 
 COLUMNS = {
-    "Tool": lambda row: f"{row['tool']} {row['version']}",
-    "Model": lambda row: row["model"],
-    "Integrator": lambda row: row["integrator"],
+    "Tool": lambda row: f"{row['tool']} {row['version'] or ''}".strip(),
+    "Model": lambda row: row["model"] or "",
+    "Integrator": lambda row: row["integrator"] or "",
     "Step [µs]": lambda row: _number(row["step_seconds"], 1e6),
-    "CPU time of T [ms]": lambda row: (
-        f"{_number(row['cpu_seconds'], 1e3)} "
-        f"({_number(row['cpu_seconds_interquartile_range'], 1e3)})"
+    "CPU time of T [ms]": lambda row: _spread(
+        _number(row["cpu_seconds"], 1e3), _number(row["cpu_seconds_interquartile_range"], 1e3)
     ),
     "Offline [ms]": lambda row: _number(row["offline_seconds"], 1e3),
     "Error, SPH": lambda row: _error(row["error_velocity_sph"]),
@@ -76,6 +75,10 @@ def _line(cells):
 
 def _number(value, factor):
     return "" if value is None else f"{value * factor:.3g}"
+
+
+def _spread(median, interquartile_range):
+    return f"{median} ({interquartile_range})" if median else ""
 
 
 def _error(value):
