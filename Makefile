@@ -1,12 +1,17 @@
 # The Python (3.11 or newer) that the environment is made with: make PYTHON=python3.12 figures
 PYTHON ?= python3
 BIN := .venv/bin
+PEERS := .venv-peers/bin
 
-.PHONY: figures test lint format clean
+.PHONY: figures peers test lint format clean
 
 # Every figure, error and claim of the paper
 figures: .venv/ready
 	$(BIN)/snakemake --cores 2
+
+# Other tools on one of the scenes, in an environment of their own: results/peers.md
+peers: .venv-peers/ready
+	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PEERS)/python -m benchmarks.peers
 
 test: .venv/ready
 	$(BIN)/python -m pytest
@@ -26,10 +31,21 @@ format: .venv/ready
 clean:
 	rm -rf results figures/*.pdf figures/*.png report.html .snakemake
 
+CHECK_PYTHON = $(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed: make PYTHON=..." if sys.version_info < (3, 11) else 0)'
+
 # The environment, made anew only when its list of packages has changed
 .venv/ready: environment.txt
-	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed: make PYTHON=..." if sys.version_info < (3, 11) else 0)'
+	@$(CHECK_PYTHON)
 	rm -rf .venv
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check --requirement environment.txt
+	touch $@
+
+# That of the other tools; PySPH needs a compiler, and is left out where it cannot be built
+.venv-peers/ready: benchmarks/peers/environment.txt benchmarks/peers/pysph.txt
+	@$(CHECK_PYTHON)
+	rm -rf .venv-peers
+	$(PYTHON) -m venv .venv-peers
+	$(PEERS)/pip install --quiet --disable-pip-version-check --requirement benchmarks/peers/environment.txt
+	$(PEERS)/pip install --quiet --disable-pip-version-check --requirement benchmarks/peers/pysph.txt || echo "PySPH could not be installed; the comparison goes on without it."
 	touch $@

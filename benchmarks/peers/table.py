@@ -1,0 +1,85 @@
+"""The comparison as files: a table for programs, and one for reading."""
+
+import csv
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from sphpod.dataset import whole
+
+HEADER = """# Other tools on the same scene
+
+Scene ten_harmonics: N = 400, T = 10 s, velocities at up to 10001 times; reduced models have 12
+modes for each field. CPU time is the process's own, one thread, of all of T with its outputs and
+without what precedes the time loop: median of {repeats} turns, with the interquartile range in
+brackets. Reduced models end with their coordinates at these times; to make fields of them is a
+matrix product more for all of them alike, {fields:.0f} ms. Offline is the way from snapshots to a
+reduced model, without taking the snapshots.
+
+Errors are relative L2 errors of velocity over T: against this project's full SPH (explicit Euler,
+Δt = 5e-5 s), against SPH exact in time, and against the exact solution of the line. Full models
+were compared with SPH before anything else; "agrees" is the difference found, for explicit Euler
+from full SPH, for other integrators from SPH exact in time. {processor}.
+
+"""
+
+COLUMNS = {
+    "Tool": lambda row: f"{row['tool']} {row['version'] or ''}".strip(),
+    "Model": lambda row: row["model"] or "",
+    "Integrator": lambda row: row["integrator"] or "",
+    "Step [µs]": lambda row: _number(row["step_seconds"], 1e6),
+    "CPU time of T [ms]": lambda row: _spread(
+        _number(row["cpu_seconds"], 1e3), _number(row["cpu_seconds_interquartile_range"], 1e3)
+    ),
+    "Offline [ms]": lambda row: _number(row["offline_seconds"], 1e3),
+    "Error, SPH": lambda row: _error(row["error_velocity_sph"]),
+    "Error, SPH exact in time": lambda row: _error(row["error_velocity_exact_in_time"]),
+    "Error, exact": lambda row: _error(row["error_velocity_exact"]),
+    "Agrees": lambda row: _error(row["full_model_difference"]),
+    "Note": lambda row: row["note"],
+}
+
+
+def write(
+    stem: str, rows: Sequence[Mapping[str, Any]], field_seconds: float, remarks: Sequence[str]
+) -> None:
+    """Write ``stem``.csv and ``stem``.md.
+
+    Parameters
+    ----------
+    stem : str
+    rows : dicts by column
+        As from `run.rows`.
+    field_seconds : float
+        Time [s] of making fields from coordinates.
+    remarks : sentences
+        They stand below the table that is for reading.
+    """
+    with whole(f"{stem}.csv") as partial, open(partial, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    lines = [_line(COLUMNS), _line("---" for _ in COLUMNS)]
+    lines += [_line(cell(row) for cell in COLUMNS.values()) for row in rows]
+    lines += ["", *remarks] if remarks else []
+    header = HEADER.format(
+        repeats=rows[0]["repeats"], processor=rows[0]["machine"], fields=1e3 * field_seconds
+    )
+    with whole(f"{stem}.md") as partial:
+        Path(partial).write_text(header + "\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _line(cells):
+    return f"| {' | '.join(cells)} |"
+
+
+def _number(value, factor):
+    return "" if value is None else f"{value * factor:.3g}"
+
+
+def _spread(median, interquartile_range):
+    return f"{median} ({interquartile_range})" if median else ""
+
+
+def _error(value):
+    return "" if value is None else f"{value:.2e}"
