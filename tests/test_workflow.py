@@ -167,7 +167,7 @@ def test_lifted_models_and_benchmarks_are_targets_of_their_own(built, tmp_path):
     assert not (LIFTED | MEASURED) & planned(copy_of_project(tmp_path))
     assert not list(built.glob("small/**/*lifted*"))
     # Scenes of which the default target needs little are solved and reduced for the tables too.
-    more = {"sph", "errors", "snapshots", "pod", "reduced_model"}
+    more = {"sph", "reference", "errors", "snapshots", "pod", "reduced_model"}
     lifted, all_benchmarks = (planned(built, "--", name) for name in ("lifted", "benchmarks"))
     assert LIFTED <= lifted <= LIFTED | more
     assert all_benchmarks == lifted | MEASURED | {"timing_table", "figure"}
