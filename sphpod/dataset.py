@@ -173,6 +173,9 @@ VARIABLES = _fields() | {
     ),
     "cpu_seconds": Variable(("contender", "repeat"), "s", "process time of all time steps"),
     "step_seconds": Variable(("contender", "repeat"), "s", "process time of one time step"),
+    "memory_bytes": Variable(
+        ("contender",), "B", "memory that a prepared time loop holds", np.int64
+    ),
 }
 
 
