@@ -267,7 +267,7 @@ def _lifted_full(scene, integrator, buffers, tolerance=np.nan):
     velocity, strain = _kept(scene, buffers)
     run = lifted.prepare(scene, integrator, tolerance=tolerance)
     return Contender(
-        "lifted_full",
+        "lifted_full_exact" if integrator == "exact" else "lifted_full_stencil",
         integrator,
         scene,
         lambda: run(velocity, strain),

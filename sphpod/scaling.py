@@ -24,7 +24,7 @@ JUMPS = 10_000
 MODE_COUNT = 12
 """k of the reduced models of which N is varied."""
 
-CONTENDERS = ("sph_neighbour_lists", "sph_stencil", "lifted_full")
+CONTENDERS = ("sph_neighbour_lists", "sph_stencil", "lifted_full_stencil")
 REDUCED = ("original", "frozen10", "lifted_exact")
 
 Run = Callable[[], object]
@@ -102,7 +102,7 @@ def _prepare(scene: Scene, name: str, modes: int) -> tuple[Run, int]:
         return lambda: run(*kept), steps
     steps = max(2, int(WORK / 10 / count))
     kept = np.zeros((2, 2, count))
-    if name == "lifted_full":
+    if name == "lifted_full_stencil":
         run = lifted.prepare(_for_steps(scene, steps), "explicit_euler")
     else:
         kind = "lists" if name == "sph_neighbour_lists" else "stencil"

@@ -75,18 +75,18 @@ def test_every_contender_is_there(case):
     methods = [*PAPER, *lifted_rom.METHODS]
     assert places == [(method, count) for method in methods for count in COUNTS]
     for method in set(table["method"][~reduced]):
-        assert method.startswith(("sph_", "lifted_full"))
+        assert method.startswith(("sph_", "lifted_full_"))
     assert set(table["integrator"][~reduced]) == set(lifted.INTEGRATORS)
     assert [int(n) for n in table["n_freeze"][reduced]] == [
         n for n in (0, 0, 1, 10, 0, 0) for _ in COUNTS
     ]
     # The scene as it is, and other time steps and spacings.
-    for method in ("sph_stencil", "lifted_full"):
+    for method in ("sph_stencil", "lifted_full_stencil"):
         steps = {float(table["time_step"][n]) for n in case.rows(method, particle_count=40)}
         assert {own.time_step, own.time_step / 2, own.time_step / 4} <= steps
         assert {10, 20, 80} <= set(table["particle_count"][case.rows(method)].tolist())
     for integrator, tolerances in benchmark.TOLERANCES.items():
-        rows = case.rows("lifted_full", integrator=integrator)
+        rows = case.rows("lifted_full_stencil", integrator=integrator)
         np.testing.assert_array_equal(table["tolerance"][rows], tolerances)
         assert np.isnan(table["time_step"][rows]).all()
     assert np.isfinite(table["tolerance"]).sum() == 6
@@ -105,7 +105,8 @@ def test_errors_of_full_models_are_their_own(case):
         tolerance = benchmark.TOLERANCES.get(integrator, [1e-8])[0]
         found = lifted.solve(own, integrator, tolerance=tolerance)
         found["density"] = lifted.density(own, found["strain"])
-        solutions["lifted_full", integrator] = found
+        kind = "exact" if integrator == "exact" else "stencil"
+        solutions[f"lifted_full_{kind}", integrator] = found
     for (method, integrator), found in solutions.items():
         rows = case.rows(method, integrator=integrator, particle_count=own.particle_count)
         if integrator in lifted.FIXED_STEP:
@@ -175,7 +176,7 @@ def test_baselines_are_fast_and_accurate(case):
         & (table["particle_count"] == case.scene.particle_count)
         & (table["time_step"] == case.scene.time_step)
     )
-    assert set(table["method"][own]) == {"sph_neighbour_lists", "sph_stencil", "lifted_full"}
+    assert set(table["method"][own]) == {"sph_neighbour_lists", "sph_stencil", "lifted_full_stencil"}
     assert table["cpu_seconds"][own].min() == pytest.approx(
         (table[EULER] * table["cpu_seconds"])[0]
     )
@@ -195,10 +196,10 @@ def test_baselines_are_chosen_from_a_table():
         # method, integrator, N, step, modes, v error, density error, seconds
         ("sph_neighbour_lists", "explicit_euler", 40, 1e-3, 0, 0.1, 0.01, 8.0),
         ("sph_stencil", "explicit_euler", 40, 1e-3, 0, 0.1, 0.01, 4.0),
-        ("lifted_full", "explicit_euler", 40, 1e-3, 0, 0.1, 0.01, 2.0),
-        ("lifted_full", "explicit_euler", 40, 2e-3, 0, 0.2, 0.02, 1.0),  # not accurate
-        ("lifted_full", "leapfrog", 20, 2e-3, 0, 0.05, 0.02, 0.2),  # in one field alone
-        ("lifted_full", "leapfrog", 40, 1e-2, 0, 0.09, 0.009, 0.5),
+        ("lifted_full_stencil", "explicit_euler", 40, 1e-3, 0, 0.1, 0.01, 2.0),
+        ("lifted_full_stencil", "explicit_euler", 40, 2e-3, 0, 0.2, 0.02, 1.0),  # not accurate
+        ("lifted_full_stencil", "leapfrog", 20, 2e-3, 0, 0.05, 0.02, 0.2),  # in one field alone
+        ("lifted_full_stencil", "leapfrog", 40, 1e-2, 0, 0.09, 0.009, 0.5),
         ("lifted_exact", "exact", 40, np.nan, 4, 0.01, 0.001, 0.1),  # no full model
     ]
     method, integrator, count, step, modes, velocity, density, seconds = zip(*rows, strict=True)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -21,6 +22,10 @@ from matplotlib.text import Text
 from sphpod import plotting
 
 Arrays = dict[str, np.ndarray]
+Settings = dict[str, Any]
+
+SPREAD = np.array([1, 1.02, 0.97, 1.05, 0.99])
+"""Repeats of a timing, relative to their median."""
 
 
 def solution(damping: float = 0.0, particles: int = 80, samples: int = 401) -> Arrays:
@@ -76,7 +81,6 @@ def study(counts: tuple[int, ...] = (8, 12), seconds: float = 0.1) -> tuple[Arra
         for name, n in steps.items():
             rows.append((name, count, n, (0.05 + 0.6 / n if n else 0.9) * (1 + count / 50)))
     names, mode_counts, freezes, cost = zip(*rows, strict=True)
-    spread = np.array([1, 1.02, 0.97, 1.05, 0.99])
     velocity = np.array([[0.03 * 8 / count for count in counts]] * len(steps))
     acceleration = {
         "contender": np.array(list(steps)),
@@ -88,9 +92,93 @@ def study(counts: tuple[int, ...] = (8, 12), seconds: float = 0.1) -> tuple[Arra
         "contender": np.array(names),
         "contender_mode_count": np.array(mode_counts),
         "n_freeze": np.array(freezes),
-        "cpu_seconds": seconds * np.array(cost)[:, None] * spread,
+        "cpu_seconds": seconds * np.array(cost)[:, None] * SPREAD,
     }
     return acceleration, cpu_time
+
+
+def benchmark(counts: tuple[int, ...] = (4, 8, 12)) -> Arrays:
+    """All kinds of runs; errors of the spacing, and besides those of few modes or a tolerance."""
+    rows: list[tuple[float, float, Settings]] = [(0.08, 1, {})]
+    euler: Settings
+    lifted: Settings
+    frozen: Settings
+    for step in (2e-4, 5e-4, 1e-4):
+        euler = {"contender": "sph_stencil", "contender_time_step": step}
+        rows.append((5e-6 / step, 1 + 50 * step, euler))
+        for integrator in ("explicit_euler", "symplectic_euler", "leapfrog"):
+            lifted = euler | {"contender": "lifted_full", "integrator": integrator}
+            rows.append((2e-6 / step, 1 + 10 * step, lifted))
+    for integrator, seconds in (("rk45", 0.07), ("dop853", 0.13)):
+        for factor, tolerance in ((1.9, 1e-3), (1, 1e-5)):
+            lifted = {"contender": "lifted_full", "integrator": integrator}
+            lifted |= {"contender_tolerance": tolerance, "contender_time_step": np.nan}
+            rows.append((seconds / factor, factor, lifted))
+    lifted = {"contender": "lifted_full", "integrator": "exact", "contender_time_step": np.nan}
+    rows.append((0.05, 1, lifted))
+    for ratio in (0.25, 0.5, 2):
+        count: Settings = {"contender_particle_count": int(100 * ratio)}
+        euler = {"contender": "sph_stencil", "contender_time_step": 2e-4 / ratio}
+        rows.append((0.025 * ratio**2, ratio**-2, euler | count))
+        rows.append((0.05 * ratio, ratio**-2, lifted | count))
+    for k in counts:
+        modes: Settings = {"contender_mode_count": k}
+        error = 1 + 40 * 2.0**-k
+        rows.append((0.004 * k, error, modes | {"contender": "original"}))
+        rows.append((0.004 * k, error, modes | {"contender": "linearized"}))
+        for n in (1, 2, 5, 10):
+            frozen = {"contender": f"frozen{n}", "n_freeze": n}
+            rows.append((0.004 * k / (1 + n / 4), error, modes | frozen))
+        repeats: Settings = {"contender": "lifted_euler", "integrator": "repeats explicit_euler"}
+        rows.append((2e-5 * k, error - 0.3, modes | repeats))
+        rows.append((2.2e-5 * k, error - 0.3, modes | lifted | {"contender": "lifted_exact"}))
+    usual: Settings = {
+        "contender": "sph_neighbour_lists",
+        "integrator": "explicit_euler",
+        "contender_mode_count": 0,
+        "n_freeze": 0,
+        "contender_particle_count": 100,
+        "contender_time_step": 2e-4,
+        "contender_tolerance": np.nan,
+    }
+    times, errors = (np.array([row[place] for row in rows]) for place in (0, 1))
+    return {
+        name: np.array([row[2].get(name, value) for row in rows]) for name, value in usual.items()
+    } | {
+        "cpu_seconds": times[:, None] * SPREAD,
+        "velocity_error_exact": 7e-3 * errors,
+        "density_error_exact": 3e-5 * errors,
+    }
+
+
+def broken_benchmark() -> Figure:
+    runs = benchmark()
+    broken = (runs["contender"] == "original") & (runs["contender_mode_count"] == 8)
+    runs["velocity_error_exact"][broken] = np.nan
+    return plotting.work_precision(runs)
+
+
+def scaling_study(most: int = 6) -> Arrays:
+    """Times and memory up to 10^most particles, and over modes with 10^4 of them."""
+    sizes = [10**exponent for exponent in range(2, most + 1)]
+    rows = []
+    for n in sizes:
+        rows.append(("sph_neighbour_lists", n, 0, 2e-8 * n + 1e-7, 300 * n))
+        rows.append(("sph_stencil", n, 0, 3e-9 * n + 1e-7, 40 * n))
+        rows.append(("lifted_full", n, 0, 1.5e-9 * n + 8e-8, 32 * n))
+    for n, k in [*((n, 12) for n in sizes), *((10_000, k) for k in (4, 6, 8, 16, 24, 32))]:
+        tensor = k**2 + k**3 * (k + 1) / 20
+        rows.append(("original", n, k, 1e-9 * k * n + 1e-7, 24 * k * n))
+        rows.append(("frozen10", n, k, 3e-10 * tensor + 3e-8, 4 * k**4))
+        rows.append(("lifted_exact", n, k, 2e-10 * k + 2e-9, 1600 * k))
+    contender, particles, modes, seconds, memory = zip(*rows, strict=True)
+    return {
+        "contender": np.array(contender),
+        "contender_particle_count": np.array(particles),
+        "contender_mode_count": np.array(modes),
+        "step_seconds": np.array(seconds)[:, None] * SPREAD,
+        "memory_bytes": np.array(memory, np.int64),
+    }
 
 
 def broken_error() -> Figure:
@@ -124,6 +212,11 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "acceleration": lambda: plotting.acceleration(*study(), errors(), "fd"),
     "acceleration, one mode count": lambda: plotting.acceleration(*study((12,)), errors(), "fd"),
     "acceleration, quick": lambda: plotting.acceleration(*study(seconds=1e-4), errors(), "fd"),
+    "work_precision": lambda: plotting.work_precision(benchmark()),
+    "work_precision, breakdown": broken_benchmark,
+    "work_precision, full models": lambda: plotting.work_precision(benchmark(())),
+    "scaling": lambda: plotting.scaling(scaling_study()),
+    "scaling, fewer particles": lambda: plotting.scaling(scaling_study(5)),
     "initial_spectrum": spectrum,
     "phase": phase,
 }
@@ -197,7 +290,7 @@ def test_text_has_print_size(name: str) -> None:
     assert {text.get_fontsize() for text in visible_texts(figure)} <= {7, 8, 12}
 
 
-@pytest.mark.parametrize("name", ["profile", "error"])
+@pytest.mark.parametrize("name", ["profile", "error", "work_precision"])
 def test_same_figure_same_bytes(name: str, tmp_path: Path) -> None:
     for run in "ab":
         plotting.save(FIGURES[name](), tmp_path / f"{run}.pdf", tmp_path / f"{run}.png")
@@ -372,6 +465,153 @@ def test_acceleration_that_breaks_down() -> None:
     np.testing.assert_allclose(x_of(mark), [0.1 * 1.24 * (0.05 + 0.6 / 2)])
     assert velocity.get_title(loc="right") == plotting.BREAKDOWN_NOTE
     assert not on_top_edge(density)
+
+
+def texts(axes: Axes) -> list[str]:
+    return [text.get_text() for text in axes.texts]
+
+
+def drawn(axes: Axes, look: plotting.Look) -> list[list[float]]:
+    """Abscissae of the lines with a colour and a marker."""
+    lines = [line for line in curves(axes, look["color"]) if line.get_marker() == look["marker"]]
+    return [list(np.round(x_of(line), 9)) for line in lines if len(x_of(line))]
+
+
+def test_work_precision_panels() -> None:
+    runs = benchmark()
+    velocity, density, full, reduced = plotting.work_precision(runs).axes
+    for axes, quantity in ((velocity, "velocity v"), (density, "density ρ")):
+        assert axes.get_xscale() == axes.get_yscale() == "log"
+        assert axes.get_xlabel() == "CPU time [s]"
+        assert axes.get_ylabel() == f"relative L² error of {quantity}"
+        assert {"SPH, N = 100", "N = 200", "Pareto front", "k = 4", "k = 12"} <= set(texts(axes))
+        # Every run stands at its median.
+        places = np.concatenate([line.get_xydata() for line in axes.lines])
+        errors = runs[f"{quantity.split()[0]}_error_exact"]
+        for place in zip(runs["cpu_seconds"][:, 0], errors, strict=True):
+            assert np.isclose(places, place, rtol=1e-9).all(axis=1).any()
+    full_rows, reduced_rows = (
+        [label.get_text() for label in axes.get_yticklabels()] for axes in (full, reduced)
+    )
+    assert full_rows[:3] == ["SPH, neighbour lists", "SPH, even spacing", "lifted, explicit Euler"]
+    frozen = ["frozen for 1 step", *(f"frozen for {n} steps" for n in (2, 5, 10))]
+    assert reduced_rows[:6] == ["original POD", "linearized density", *frozen]
+    assert (len(full_rows), len(reduced_rows)) == (8, 8)
+    assert full.get_xlim() == reduced.get_xlim() == velocity.get_xlim()
+
+
+def test_work_precision_joins_runs_of_a_kind() -> None:
+    velocity = plotting.work_precision(benchmark()).axes[0]
+    stars = drawn(velocity, plotting.FULL_RUNS["sph_stencil"][1])
+    assert [0.08] in stars  # neighbour lists
+    assert [0.0015625, 0.00625, 0.025, 0.1] in stars  # N = 25, 50, 100, 200
+    assert [0.05, 0.025, 0.01] in stars  # ascending time steps
+    lifted = drawn(velocity, plotting.LIFTED_RUNS["lifted_exact"][1])
+    assert [8.8e-5, 1.76e-4, 2.64e-4] in lifted  # k = 4, 8, 12
+    assert drawn(velocity, plotting.FULL_RUNS["rk45"][1])[0] == [0.07, 0.036842105]
+
+
+def test_labels_of_runs_cover_no_marker() -> None:
+    figure = plotting.work_precision(benchmark())
+    renderer = FigureCanvasAgg(figure).get_renderer()
+    figure.draw_without_rendering()
+    for axes in figure.axes[:2]:
+        lines = [line for line in axes.lines if line.get_marker() != "None"]
+        markers = axes.transData.transform(np.concatenate([line.get_xydata() for line in lines]))
+        for text in axes.texts:
+            box = text.get_window_extent(renderer)
+            inside = np.all((markers > box.min) & (markers < box.max), axis=1)
+            assert not inside.any(), text.get_text()
+
+
+def test_pareto_front_is_what_nothing_beats() -> None:
+    runs = benchmark()
+    times, errors = runs["cpu_seconds"][:, 0], runs["velocity_error_exact"]
+    (front,) = curves(plotting.work_precision(runs).axes[0], plotting.PALE)
+    x, y = x_of(front), y_of(front)
+    unbeaten = [
+        place
+        for place in zip(times, errors, strict=True)
+        if not np.any((times <= place[0]) & (errors < place[1]))
+        and not np.any((times < place[0]) & (errors <= place[1]))
+    ]
+    np.testing.assert_allclose(np.column_stack((x[1:-1:2], y[1:-1:2])), sorted(set(unbeaten)))
+    assert np.all((np.diff(x) == 0) | (np.diff(y) == 0))
+
+
+def test_fastest_runs_are_as_accurate_as_full_sph() -> None:
+    runs = benchmark()
+    # Frozen models lose their best in one field, which is enough; k = 8 is not.
+    few = (runs["contender_mode_count"] == 12) & (runs["contender"] != "lifted_exact")
+    runs["density_error_exact"][few] *= 2
+    full, reduced = plotting.work_precision(runs).axes[2:]
+    euler, adaptive = ["Δt = 5×10⁻⁴ s"] * 4, ["tolerance 10⁻⁵"] * 2
+    assert texts(full) == ["Δt = 2×10⁻⁴ s", *euler, *adaptive, ""]
+    assert texts(reduced) == [*["none"] * 6, "k = 8", "k = 8"]
+    assert [0.01] in drawn(full, plotting.FULL_RUNS["sph_stencil"][1])
+
+
+def test_work_precision_that_breaks_down() -> None:
+    velocity, density, _, _ = broken_benchmark().axes
+    (mark,) = on_top_edge(velocity)
+    assert list(x_of(mark)) == [0.032]
+    assert velocity.get_title(loc="right") == plotting.BREAKDOWN_NOTE
+    assert not on_top_edge(density)
+
+
+def test_work_precision_of_an_unknown_kind() -> None:
+    runs = benchmark()
+    runs["integrator"][runs["integrator"] == "rk45"] = "rk23"
+    with pytest.raises(ValueError, match="no look for runs of rk23"):
+        plotting.work_precision(runs)
+
+
+def test_scaling_panels() -> None:
+    seconds, memory, modes = plotting.scaling(scaling_study()).axes
+    sizes = [100, 1000, 10_000, 100_000, 1_000_000]
+    for axes, name in ((seconds, "time a step [s]"), (memory, "memory [B]")):
+        assert (axes.get_xlabel(), axes.get_ylabel()) == ("number of particles N", name)
+        assert axes.get_title(loc="right") == "reduced models: k = 12"
+        lines, names = axes.get_legend_handles_labels()
+        assert names == [
+            "SPH, neighbour lists",
+            "SPH, even spacing",
+            "SPH, lifted",
+            "original POD",
+            "frozen for 10 steps",
+            "lifted POD, exact in time",
+        ]
+        for line in lines:
+            np.testing.assert_array_equal(x_of(line), sizes)
+        assert texts(axes) == ["∝ N", "∝ N⁰"]
+    assert modes.get_xlabel() == "number of modes k"
+    assert modes.get_title(loc="right") == "reduced models: N = 10000"
+    lines, names = modes.get_legend_handles_labels()
+    assert names == ["original POD", "frozen for 10 steps", "lifted POD, exact in time"]
+    for line in lines:
+        np.testing.assert_array_equal(x_of(line), [4, 6, 8, 12, 16, 24, 32])
+    assert sorted(texts(modes)) == ["∝ k", "∝ k", "∝ k² + k⁴/20"]
+    np.testing.assert_allclose(y_of(memory.get_legend_handles_labels()[0][0])[0], 300 * 100)
+
+
+def test_scaling_guides_have_the_slopes_they_name() -> None:
+    seconds, _, modes = plotting.scaling(scaling_study()).axes
+
+    def slopes(axes: Axes) -> list[float]:
+        ends = [(x_of(line)[[0, -1]], y_of(line)[[0, -1]]) for line in curves(axes, plotting.GREY)]
+        return [float(np.log(y[1] / y[0]) / np.log(x[1] / x[0])) for x, y in ends]
+
+    np.testing.assert_allclose(slopes(seconds), [1, 0], atol=1e-12)
+    tensor = np.log((32**2 + 32**4 / 20) / (4**2 + 4**4 / 20)) / np.log(32 / 4)
+    np.testing.assert_allclose(slopes(modes), [1, 1, tensor])
+
+
+def test_scaling_leaves_out_models_of_one_mode_count() -> None:
+    study = scaling_study()
+    lifted = study["contender"] == "lifted_exact"
+    kept = ~lifted | (study["contender_mode_count"] == 12)
+    modes = plotting.scaling({name: values[kept] for name, values in study.items()}).axes[2]
+    assert modes.get_legend_handles_labels()[1] == ["original POD", "frozen for 10 steps"]
 
 
 def test_initial_spectrum() -> None:

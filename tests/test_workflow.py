@@ -231,7 +231,7 @@ def test_benchmarks_are_told_in_tables(benchmarked):
     } <= set(times.columns)  # fmt: skip
     assert (times.repeats == 2).all()
     full = times[times.modes == 0]
-    assert full.method.str.match("sph_|lifted_full").all()
+    assert full.method.str.match("sph_|lifted_full_").all()
     assert full.integrator.notna().all()
     assert {"original", "linearized", "frozen1", "frozen5", "lifted_euler", "lifted_exact"} == set(
         times[times.modes > 0].method
