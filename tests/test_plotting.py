@@ -114,7 +114,11 @@ def benchmark(counts: tuple[int, ...] = (4, 8, 12)) -> Arrays:
             lifted = {"contender": "lifted_full_stencil", "integrator": integrator}
             lifted |= {"contender_tolerance": tolerance, "contender_time_step": np.nan}
             rows.append((seconds / factor, factor, lifted))
-    lifted = {"contender": "lifted_full_stencil", "integrator": "exact", "contender_time_step": np.nan}
+    lifted = {
+        "contender": "lifted_full_stencil",
+        "integrator": "exact",
+        "contender_time_step": np.nan,
+    }
     rows.append((0.05, 1, lifted))
     for ratio in (0.25, 0.5, 2):
         count: Settings = {"contender_particle_count": int(100 * ratio)}
