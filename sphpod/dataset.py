@@ -184,9 +184,6 @@ VARIABLES = _fields() | {
         ("skipped", "repeat"), "s", "process time with it in vain, as zeros or general structure"
     ),
     "step_seconds": Variable(("contender", "repeat"), "s", "process time of one time step"),
-    "memory_bytes": Variable(
-        ("contender",), "B", "memory that a prepared time loop holds", np.int64
-    ),
 }
 
 

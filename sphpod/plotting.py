@@ -730,7 +730,7 @@ def work_precision(benchmark: Arrays) -> Figure:
     ValueError
         A contender or an integrator is of no known kind.
     """
-    lifted = benchmark["contender"] == "lifted_full"
+    lifted = np.char.startswith(benchmark["contender"], "lifted_full_")
     kinds = _kinds(np.where(lifted, benchmark["integrator"], benchmark["contender"]), FULL_RUNS)
     groups: dict[str, list[Kind]] = {}
     for kind in kinds:
@@ -999,7 +999,7 @@ def _distance(box: Bbox, points: np.ndarray) -> float:
 SCALED_RUNS: dict[str, tuple[str, Look]] = {
     "sph_neighbour_lists": FULL_RUNS["sph_neighbour_lists"],
     "sph_stencil": FULL_RUNS["sph_stencil"],
-    "lifted_full": ("SPH, lifted", FULL_RUNS["explicit_euler"][1]),
+    "lifted_full_stencil": ("SPH, lifted", FULL_RUNS["explicit_euler"][1]),
 }
 
 

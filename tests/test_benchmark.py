@@ -176,7 +176,11 @@ def test_baselines_are_fast_and_accurate(case):
         & (table["particle_count"] == case.scene.particle_count)
         & (table["time_step"] == case.scene.time_step)
     )
-    assert set(table["method"][own]) == {"sph_neighbour_lists", "sph_stencil", "lifted_full_stencil"}
+    assert set(table["method"][own]) == {
+        "sph_neighbour_lists",
+        "sph_stencil",
+        "lifted_full_stencil",
+    }
     assert table["cpu_seconds"][own].min() == pytest.approx(
         (table[EULER] * table["cpu_seconds"])[0]
     )

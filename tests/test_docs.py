@@ -119,8 +119,8 @@ def notation() -> dict[str, dict[str, tuple[str, str]]]:
 
 
 def test_notation_has_every_variable_with_its_dimensions_and_unit(notation):
-    stored = ("Solutions", "Errors", "Snapshots", "Modes", "Reduced models", "Lifted models")
-    stored += ("CPU times", "Benchmarks")
+    stored = ["Solutions", "Errors", "Snapshots", "Modes", "Reduced models", "Lifted models"]
+    stored += ["CPU times", "Benchmarks"]
     written = {name: entry for group in stored for name, entry in notation[group].items()}
     assert written == {
         name: (f"({', '.join(meaning.dims)})", UNITS.get(meaning.units, meaning.units))

@@ -107,14 +107,18 @@ def benchmark(counts: tuple[int, ...] = (4, 8, 12)) -> Arrays:
         euler = {"contender": "sph_stencil", "contender_time_step": step}
         rows.append((5e-6 / step, 1 + 50 * step, euler))
         for integrator in ("explicit_euler", "symplectic_euler", "leapfrog"):
-            lifted = euler | {"contender": "lifted_full", "integrator": integrator}
+            lifted = euler | {"contender": "lifted_full_stencil", "integrator": integrator}
             rows.append((2e-6 / step, 1 + 10 * step, lifted))
     for integrator, seconds in (("rk45", 0.07), ("dop853", 0.13)):
         for factor, tolerance in ((1.9, 1e-3), (1, 1e-5)):
-            lifted = {"contender": "lifted_full", "integrator": integrator}
+            lifted = {"contender": "lifted_full_stencil", "integrator": integrator}
             lifted |= {"contender_tolerance": tolerance, "contender_time_step": np.nan}
             rows.append((seconds / factor, factor, lifted))
-    lifted = {"contender": "lifted_full", "integrator": "exact", "contender_time_step": np.nan}
+    lifted = {
+        "contender": "lifted_full_stencil",
+        "integrator": "exact",
+        "contender_time_step": np.nan,
+    }
     rows.append((0.05, 1, lifted))
     for ratio in (0.25, 0.5, 2):
         count: Settings = {"contender_particle_count": int(100 * ratio)}
@@ -165,7 +169,7 @@ def scaling_study(most: int = 6) -> Arrays:
     for n in sizes:
         rows.append(("sph_neighbour_lists", n, 0, 2e-8 * n + 1e-7, 300 * n))
         rows.append(("sph_stencil", n, 0, 3e-9 * n + 1e-7, 40 * n))
-        rows.append(("lifted_full", n, 0, 1.5e-9 * n + 8e-8, 32 * n))
+        rows.append(("lifted_full_stencil", n, 0, 1.5e-9 * n + 8e-8, 32 * n))
     for n, k in [*((n, 12) for n in sizes), *((10_000, k) for k in (4, 6, 8, 16, 24, 32))]:
         tensor = k**2 + k**3 * (k + 1) / 20
         rows.append(("original", n, k, 1e-9 * k * n + 1e-7, 24 * k * n))
