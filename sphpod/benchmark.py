@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from sphpod import exact, lifted, lifted_rom, pod, reference, snapshots, sph, stability, timing
 from sphpod.error import FIELDS, relative_error
@@ -93,6 +94,7 @@ class Buffers:
         return self.arrays[name, shape]
 
 
+@threadpool_limits.wrap(limits=1)
 def compare(
     scene: Scene,
     sampling: Mapping[str, Any],
