@@ -19,7 +19,7 @@ from matplotlib.legend import Legend
 from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
-from sphpod import plotting
+from sphpod import benchmark_plots, plotting
 
 Arrays = dict[str, np.ndarray]
 Settings = dict[str, Any]
@@ -159,7 +159,7 @@ def broken_benchmark() -> Figure:
     runs = benchmark()
     broken = (runs["contender"] == "original") & (runs["contender_mode_count"] == 8)
     runs["velocity_error_exact"][broken] = np.nan
-    return plotting.work_precision(runs)
+    return benchmark_plots.work_precision(runs)
 
 
 def scaling_study(most: int = 6) -> Arrays:
@@ -216,11 +216,11 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "acceleration": lambda: plotting.acceleration(*study(), errors(), "fd"),
     "acceleration, one mode count": lambda: plotting.acceleration(*study((12,)), errors(), "fd"),
     "acceleration, quick": lambda: plotting.acceleration(*study(seconds=1e-4), errors(), "fd"),
-    "work_precision": lambda: plotting.work_precision(benchmark()),
+    "work_precision": lambda: benchmark_plots.work_precision(benchmark()),
     "work_precision, breakdown": broken_benchmark,
-    "work_precision, full models": lambda: plotting.work_precision(benchmark(())),
-    "scaling": lambda: plotting.scaling(scaling_study()),
-    "scaling, fewer particles": lambda: plotting.scaling(scaling_study(5)),
+    "work_precision, full models": lambda: benchmark_plots.work_precision(benchmark(())),
+    "scaling": lambda: benchmark_plots.scaling(scaling_study()),
+    "scaling, fewer particles": lambda: benchmark_plots.scaling(scaling_study(5)),
     "initial_spectrum": spectrum,
     "phase": phase,
 }
@@ -483,7 +483,7 @@ def drawn(axes: Axes, look: plotting.Look) -> list[list[float]]:
 
 def test_work_precision_panels() -> None:
     runs = benchmark()
-    velocity, density, full, reduced = plotting.work_precision(runs).axes
+    velocity, density, full, reduced = benchmark_plots.work_precision(runs).axes
     for axes, quantity in ((velocity, "velocity v"), (density, "density ρ")):
         assert axes.get_xscale() == axes.get_yscale() == "log"
         assert axes.get_xlabel() == "CPU time [s]"
@@ -505,18 +505,18 @@ def test_work_precision_panels() -> None:
 
 
 def test_work_precision_joins_runs_of_a_kind() -> None:
-    velocity = plotting.work_precision(benchmark()).axes[0]
-    stars = drawn(velocity, plotting.FULL_RUNS["sph_stencil"][1])
+    velocity = benchmark_plots.work_precision(benchmark()).axes[0]
+    stars = drawn(velocity, benchmark_plots.FULL_RUNS["sph_stencil"][1])
     assert [0.08] in stars  # neighbour lists
     assert [0.0015625, 0.00625, 0.025, 0.1] in stars  # N = 25, 50, 100, 200
     assert [0.05, 0.025, 0.01] in stars  # ascending time steps
-    lifted = drawn(velocity, plotting.LIFTED_RUNS["lifted_exact"][1])
+    lifted = drawn(velocity, benchmark_plots.LIFTED_RUNS["lifted_exact"][1])
     assert [8.8e-5, 1.76e-4, 2.64e-4] in lifted  # k = 4, 8, 12
-    assert drawn(velocity, plotting.FULL_RUNS["rk45"][1])[0] == [0.07, 0.036842105]
+    assert drawn(velocity, benchmark_plots.FULL_RUNS["rk45"][1])[0] == [0.07, 0.036842105]
 
 
 def test_labels_of_runs_cover_no_marker() -> None:
-    figure = plotting.work_precision(benchmark())
+    figure = benchmark_plots.work_precision(benchmark())
     renderer = FigureCanvasAgg(figure).get_renderer()
     figure.draw_without_rendering()
     for axes in figure.axes[:2]:
@@ -531,7 +531,7 @@ def test_labels_of_runs_cover_no_marker() -> None:
 def test_pareto_front_is_what_nothing_beats() -> None:
     runs = benchmark()
     times, errors = runs["cpu_seconds"][:, 0], runs["velocity_error_exact"]
-    (front,) = curves(plotting.work_precision(runs).axes[0], plotting.PALE)
+    (front,) = curves(benchmark_plots.work_precision(runs).axes[0], plotting.PALE)
     x, y = x_of(front), y_of(front)
     unbeaten = [
         place
@@ -548,11 +548,11 @@ def test_fastest_runs_are_as_accurate_as_full_sph() -> None:
     # Frozen models lose their best in one field, which is enough; k = 8 is not.
     few = (runs["contender_mode_count"] == 12) & (runs["contender"] != "lifted_exact")
     runs["density_error_exact"][few] *= 2
-    full, reduced = plotting.work_precision(runs).axes[2:]
+    full, reduced = benchmark_plots.work_precision(runs).axes[2:]
     euler, adaptive = ["Δt = 5×10⁻⁴ s"] * 4, ["tolerance 10⁻⁵"] * 2
     assert texts(full) == ["Δt = 2×10⁻⁴ s", *euler, *adaptive, ""]
     assert texts(reduced) == [*["none"] * 6, "k = 8", "k = 8"]
-    assert [0.01] in drawn(full, plotting.FULL_RUNS["sph_stencil"][1])
+    assert [0.01] in drawn(full, benchmark_plots.FULL_RUNS["sph_stencil"][1])
 
 
 def test_work_precision_that_breaks_down() -> None:
@@ -567,11 +567,11 @@ def test_work_precision_of_an_unknown_kind() -> None:
     runs = benchmark()
     runs["integrator"][runs["integrator"] == "rk45"] = "rk23"
     with pytest.raises(ValueError, match="no look for runs of rk23"):
-        plotting.work_precision(runs)
+        benchmark_plots.work_precision(runs)
 
 
 def test_scaling_panels() -> None:
-    seconds, memory, modes = plotting.scaling(scaling_study()).axes
+    seconds, memory, modes = benchmark_plots.scaling(scaling_study()).axes
     sizes = [100, 1000, 10_000, 100_000, 1_000_000]
     for axes, name in ((seconds, "time a step [s]"), (memory, "memory [B]")):
         assert (axes.get_xlabel(), axes.get_ylabel()) == ("number of particles N", name)
@@ -599,7 +599,7 @@ def test_scaling_panels() -> None:
 
 
 def test_scaling_guides_have_the_slopes_they_name() -> None:
-    seconds, _, modes = plotting.scaling(scaling_study()).axes
+    seconds, _, modes = benchmark_plots.scaling(scaling_study()).axes
 
     def slopes(axes: Axes) -> list[float]:
         ends = [(x_of(line)[[0, -1]], y_of(line)[[0, -1]]) for line in curves(axes, plotting.GREY)]
@@ -614,7 +614,7 @@ def test_scaling_leaves_out_models_of_one_mode_count() -> None:
     study = scaling_study()
     lifted = study["contender"] == "lifted_exact"
     kept = ~lifted | (study["contender_mode_count"] == 12)
-    modes = plotting.scaling({name: values[kept] for name, values in study.items()}).axes[2]
+    modes = benchmark_plots.scaling({name: values[kept] for name, values in study.items()}).axes[2]
     assert modes.get_legend_handles_labels()[1] == ["original POD", "frozen for 10 steps"]
 
 

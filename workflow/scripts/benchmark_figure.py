@@ -1,0 +1,10 @@
+"""Draw a figure of the benchmarks: its inputs are the arguments of its kind's plotting function."""
+
+from sphpod import benchmark_plots, dataset, log, plotting
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    draw = getattr(benchmark_plots, snakemake.params.kind)
+    arrays = {name: dataset.read_samples(path) for name, path in snakemake.input.items()}
+    figure = draw(**arrays, **snakemake.params.options)
+    plotting.save(figure, snakemake.output.pdf, snakemake.output.png)
