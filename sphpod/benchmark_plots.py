@@ -39,7 +39,7 @@ from sphpod.plotting import (
     shortened,
     styled,
     time_quartiles,
-)  # fmt: skip
+)
 
 # --- Work and precision ---------------------------------------------------------------------------
 
