@@ -29,7 +29,7 @@ DEFAULT_LARGEST_SWEEP = 20
 DEFAULT_FIELDS = ["initial_velocity", "velocity"]
 DEFAULT_BENCHMARK = {
     "repeats": 5,
-    "particle_counts": [100, 316, 1000, 3162, 10_000, 31_623, 100_000, 316_228, 1_000_000],
+    "particle_counts": [100, 400, 1000, 4000, 10_000, 40_000, 100_000, 400_000, 1_000_000],
     "mode_counts": [2, 4, 8, 12, 16, 24, 32],
 }
 

@@ -59,20 +59,21 @@ def measure(
     others = (k for k in mode_counts if k != MODE_COUNT or scene.particle_count not in
               particle_counts)  # fmt: skip
     places += [(name, scene.particle_count, k) for k in others for name in REDUCED]
-    seconds, memory = [], []
+    runs, steps, memory = [], [], []
     for name, count, modes in places:
         tracemalloc.start()
-        run, steps = _prepare(_with_particles(scene, count), name, modes)
+        run, step_count = _prepare(_with_particles(scene, count), name, modes)
         memory.append(tracemalloc.get_traced_memory()[0])
         tracemalloc.stop()
         run()
-        seconds.append(timing.measure([run], repeats)[0] / steps)
+        runs.append(run)
+        steps.append([step_count])
     return {
         "contender": np.array([name for name, _, _ in places]),
         "contender_particle_count": np.array([count for _, count, _ in places]),
         "contender_mode_count": np.array([modes for _, _, modes in places]),
         "memory_bytes": np.array(memory),
-        "step_seconds": np.array(seconds),
+        "step_seconds": timing.measure(runs, repeats) / np.array(steps),
     }
 
 

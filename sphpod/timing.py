@@ -267,6 +267,17 @@ def sparse_loop(scene: Scene, step_count: int) -> tuple[np.ndarray, np.ndarray]:
     return velocity, density
 
 
+def warm_up(run: Callable[[], object], shortest: float) -> int:
+    """Warm a run, and say how often it is to be run for a time of ``shortest`` seconds."""
+    for _ in range(2):
+        start = time.process_time()
+        run()
+        seconds = time.process_time() - start
+        if seconds > 10 * shortest:
+            break
+    return 1 + int(shortest / max(seconds, 1e-6))
+
+
 def measure(
     runs: Sequence[Callable[[], object]], repeats: int, numbers: Sequence[int] = ()
 ) -> np.ndarray:
