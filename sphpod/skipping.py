@@ -12,7 +12,6 @@ import numpy as np
 
 from sphpod import exact, lifted, lifted_rom, reference, sph, timing
 from sphpod.expressions import Expression
-from sphpod.rom import ReducedModel
 from sphpod.scaling import waves
 from sphpod.scene import Scene
 
@@ -98,11 +97,6 @@ def _pairs(scene: Scene) -> list[Pair]:
         return lambda: run(*kept)
 
     rows = waves(scene.particle_count, MODES)
-    coordinates = np.zeros((2, scene.error_times.size, MODES))
-
-    def reduced(case):
-        run = ReducedModel(case, "frozen10", rows, rows).prepare(case.error_steps)
-        return lambda: run(*coordinates)
 
     def jumping(case):
         prepared = lifted_rom.LiftedModel(case, rows, rows[1:], 1).prepare("lifted_exact")
@@ -114,11 +108,10 @@ def _pairs(scene: Scene) -> list[Pair]:
     def found(neighbours):
         return lambda: sph.prepare(scene, last, neighbours)(*ends)
 
-    plain, plain_reduced, plain_jumps = full(scene), reduced(scene), jumping(scene)
+    plain = full(scene)
     return [
         Pair("force", "full SPH", plain, full(forced)),
-        Pair("force", "frozen10, k = 12", plain_reduced, reduced(forced)),
-        Pair("force", "lifted_exact, k = 12", plain_jumps, jumping(forced)),
+        Pair("force", "lifted_exact, k = 12", jumping(scene), jumping(forced)),
         Pair("damping", "full SPH", plain, full(undamped)),
         Pair("varying modulus", "lifted full model", strained(scene), strained(varied)),
         Pair("nonlinearity", "full SPH", strained(scene), plain),
