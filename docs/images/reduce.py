@@ -1,4 +1,4 @@
-"""Make the pictures of README.md anew from the figures of a full run."""
+"""Make the pictures of the documents anew from the figures of a full run and of the benchmarks."""
 
 from pathlib import Path
 
