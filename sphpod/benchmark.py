@@ -124,7 +124,8 @@ def compare(
         One entry a contender: contender, integrator, contender_mode_count, n_freeze,
         contender_particle_count, contender_time_step [s], contender_tolerance; cpu_seconds and
         reconstruction_seconds (contenders, repeats) [s]; {field}_error_full and {field}_error_exact
-        (NaN where they do not apply); offline_seconds (contenders, 3) [s]: of snapshots, modes and
+        (the first NaN for other particles, the second against centred differences where no exact
+        solution is known); offline_seconds (contenders, 3) [s]: of snapshots, modes and
         projection.
     """
     buffers = Buffers()

@@ -84,7 +84,9 @@ def _fields() -> dict[str, Variable]:
                 ("contender",), "1", f"{error} of a model against full SPH, NaN for other particles"
             ),
             f"{field}_error_exact": Variable(
-                ("contender",), "1", f"{error} of a model against the exact solution"
+                ("contender",),
+                "1",
+                f"{error} of a model against the exact solution, or centred differences without one",
             ),
             f"acceleration_{field}_error": Variable(
                 ("contender", "mode_count"), "1", f"{error} of a reduced model against full SPH"
