@@ -86,7 +86,7 @@ def _fields() -> dict[str, Variable]:
             f"{field}_error_exact": Variable(
                 ("contender",),
                 "1",
-                f"{error} of a model against the exact solution, or centred differences without one",
+                f"{error} of a model against the exact solution, else centred differences",
             ),
             f"acceleration_{field}_error": Variable(
                 ("contender", "mode_count"), "1", f"{error} of a reduced model against full SPH"
