@@ -23,6 +23,7 @@ from sphpod.compiled import compiled
 from sphpod.kernel import derivative, neighbour_lists, stencil_weights
 from sphpod.propagator import prepare as prepare_jumps
 from sphpod.scene import ABSENT, Scene
+from sphpod.sph import wrap
 from sphpod.stability import Breakdown
 
 FIXED_STEP = ("explicit_euler", "symplectic_euler", "leapfrog")
@@ -216,15 +217,6 @@ def _fixed_step(scene, integrator, dt):
 def _kick(damping, dt):
     """(1 - exp(-d Δt))/d, the time that a constant force acts through while it is damped."""
     return np.where(damping > 0, -np.expm1(-damping * dt) / np.where(damping > 0, damping, 1), dt)
-
-
-@compiled
-def wrap(field, width):
-    """Fill the ``width`` ghosts on either side of a periodic field."""
-    count = field.size - 2 * width
-    for k in range(width):
-        field[k] = field[count + k]
-        field[count + width + k] = field[width + k]
 
 
 @compiled
