@@ -20,10 +20,11 @@ from collections.abc import Callable
 import numpy as np
 
 from sphpod.compiled import compiled
-from sphpod.kernel import derivative, neighbour_lists, stencil_weights
+from sphpod.error import blocks
+from sphpod.kernel import stencil_weights
 from sphpod.propagator import prepare as prepare_jumps
-from sphpod.scene import ABSENT, Scene
-from sphpod.sph import wrap
+from sphpod.scene import ABSENT, Scene, derivative_matrix
+from sphpod.sph import State, wrap
 from sphpod.stability import Breakdown
 
 FIXED_STEP = ("explicit_euler", "symplectic_euler", "leapfrog")
@@ -31,7 +32,10 @@ ADAPTIVE = ("rk45", "dop853")
 INTEGRATORS = (*FIXED_STEP, *ADAPTIVE, "exact")
 """How the model is stepped; the adaptive ones are scipy's Runge-Kutta pairs."""
 
-Run = Callable[[np.ndarray, np.ndarray], None]
+NO_LISTS = np.zeros(0, np.uint64), np.zeros(0, np.uint64), ABSENT
+"""Stands for the neighbour lists that evenly spaced particles do not need."""
+
+Run = Callable[[np.ndarray, np.ndarray], int]
 
 
 def strain(scene: Scene, density: np.ndarray) -> np.ndarray:
@@ -46,38 +50,33 @@ def density(scene: Scene, strain: np.ndarray) -> np.ndarray:
 
 def energy_weights(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """√m and √(V c), shapes (N,): velocity and strain times these are the scaled fields."""
-    return np.sqrt(scene.density0() * scene.spacing), np.sqrt(scene.spacing * scene.modulus())
+    return np.sqrt(scene.density0() * scene.volumes), np.sqrt(scene.volumes * scene.modulus())
 
 
 def pull(scene: Scene, strain_rows: np.ndarray) -> np.ndarray:
     """A p of scaled strains (…, N): the scaled velocity's rate of change [1/s times theirs]."""
-    weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
-    return derivative(strain_rows * np.sqrt(scene.modulus()), weights) / np.sqrt(scene.density0())
+    mass, stiffness = energy_weights(scene)
+    return scene.derivative(strain_rows * (scene.modulus() / stiffness)) * mass / scene.density0()
 
 
 def stretch(scene: Scene, velocity_rows: np.ndarray) -> np.ndarray:
     """-Aᵀ u of scaled velocities (…, N): the scaled strain's rate of change."""
-    weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
-    return derivative(velocity_rows / np.sqrt(scene.density0()), weights) * np.sqrt(scene.modulus())
+    mass, stiffness = energy_weights(scene)
+    return scene.derivative(velocity_rows / mass) * stiffness
 
 
 def operator(scene: Scene):
     """[[-D, A], [-Aᵀ, 0]] of the scaled fields [1/s], a scipy.sparse matrix (2N, 2N)."""
-    from scipy.sparse import block_array, csr_array, diags_array
+    from scipy.sparse import block_array, diags_array
 
-    count = scene.particle_count
-    first, neighbours, gradients = neighbour_lists(
-        scene.positions, np.full(count, scene.spacing), scene.smoothing_length, scene.domain_length
-    )
-    index = neighbours.astype(np.int32), first.astype(np.int32)
-    gradient = csr_array((gradients, *index), shape=(count, count))
-    inertia, stiffness = (
-        diags_array(scene.density0() ** -0.5),
-        diags_array(np.sqrt(scene.modulus())),
-    )
+    mass, stiffness = energy_weights(scene)
+    gradient = derivative_matrix(scene)
     damping = scene.damping_values()
-    decay = diags_array(-damping if damping.size else np.zeros(count))
-    pulls, stretches = inertia @ gradient @ stiffness, stiffness @ gradient @ inertia
+    decay = diags_array(-damping if damping.size else np.zeros(scene.particle_count))
+    pulls = (
+        diags_array(mass / scene.density0()) @ gradient @ diags_array(scene.modulus() / stiffness)
+    )
+    stretches = diags_array(stiffness) @ gradient @ diags_array(1 / mass)
     return block_array([[decay, pulls], [stretches, None]]).tocsr()
 
 
@@ -86,6 +85,7 @@ def solve(
     integrator: str,
     time_step: float | None = None,
     tolerance: float = 1e-8,
+    start: State | None = None,
 ) -> dict[str, np.ndarray]:
     """Run the lifted full model and keep its fields at the times of the error integral.
 
@@ -98,6 +98,8 @@ def solve(
         if not given.
     tolerance : float
         Relative tolerance of the adaptive ones.
+    start : (velocity, strain), optional
+        State at t = 0; the scene's own if not given.
 
     Returns
     -------
@@ -112,25 +114,18 @@ def solve(
         The solution became non-finite, or its Jacobian 1 + e stopped being positive.
     """
     shape = scene.error_times.size, scene.particle_count
-    fields = np.empty(shape), np.empty(shape)
-    prepare(scene, integrator, time_step, tolerance)(*fields)
-    model = f"the lifted full model ({integrator})"
-    check(scene, model, *fields)
+    velocity, strain = np.empty(shape), np.empty(shape)
+    failed = prepare(scene, integrator, time_step, tolerance, start)(velocity, strain)
+    if failed >= 0:
+        row, particle = divmod(failed, scene.particle_count)
+        model = f"the lifted full model ({integrator})"
+        raise Breakdown(scene.name, model, scene.error_times[row], particle)
     return {
         "t": scene.error_times,
         "x": scene.positions,
-        "velocity": fields[0],
-        "strain": fields[1],
+        "velocity": velocity,
+        "strain": strain,
     }
-
-
-def check(scene: Scene, model: str, velocity: np.ndarray, strain: np.ndarray) -> None:
-    """Raise Breakdown at the first kept time without finite state and positive 1 + e."""
-    if np.isfinite(velocity).all() and np.isfinite(strain).all() and strain.min() > -1:
-        return
-    good = np.isfinite(velocity) & np.isfinite(strain) & (strain > -1)
-    row, particle = np.argwhere(~good)[0]
-    raise Breakdown(scene.name, model, scene.error_times[row], int(particle))
 
 
 def prepare(
@@ -138,35 +133,43 @@ def prepare(
     integrator: str,
     time_step: float | None = None,
     tolerance: float = 1e-8,
+    start: State | None = None,
+    watch: bool = True,
 ) -> Run:
     """Everything that precedes the time loop, so that the loop can be timed alone.
 
-    Parameters are those of `solve`.
+    Parameters are those of `solve`, and
+
+    watch : bool
+        Whether kept states are watched for a breakdown; without, what watching costs can be told.
 
     Returns
     -------
     callable
-        ``run(velocity, strain)`` fills two (times, N) arrays at the times of the error integral.
+        ``run(velocity, strain)`` fills two (times, N) arrays at the times of the error integral,
+        and returns -1, or the flat index of the first kept value that is not finite or a strain
+        under which the Jacobian 1 + e is not positive.
     """
+    begin = start or (scene.velocity0(), np.zeros(scene.particle_count))
     if integrator in FIXED_STEP:
-        return _fixed_step(scene, integrator, time_step or scene.time_step)
+        return _fixed_step(scene, integrator, time_step or scene.time_step, begin, watch)
     if integrator in ADAPTIVE:
-        return _adaptive(scene, integrator, tolerance)
+        return _adaptive(scene, integrator, tolerance, begin, watch)
     if integrator == "exact":
-        return _fourier(scene) if is_uniform(scene) else _exponential(scene)
+        return (_fourier if is_uniform(scene) else _exponential)(scene, begin, watch)
     raise ValueError(f"integrator = {integrator}: allowed are {', '.join(INTEGRATORS)}")
 
 
 def is_uniform(scene: Scene) -> bool:
-    """Whether density, modulus and damping are the same at all particles."""
+    """Whether spacing, density, modulus and damping are the same at all particles."""
     fields = scene.density0(), scene.modulus(), scene.damping_values()
-    return all(field.size == 0 or field.min() == field.max() for field in fields)
+    return scene.is_even and all(field.size == 0 or field.min() == field.max() for field in fields)
 
 
 # --- Fixed steps ----------------------------------------------------------------------------------
 
 
-def _fixed_step(scene, integrator, dt):
+def _fixed_step(scene, integrator, dt, begin, watch):
     stride = round(scene.error_interval / dt)
     if stride < 1 or abs(stride * dt - scene.error_interval) > 1e-9 * scene.error_interval:
         raise ValueError(
@@ -186,7 +189,11 @@ def _fixed_step(scene, integrator, dt):
         keep = 1 - dt * damping if explicit else np.exp(-dt * damping)
         gain = gain if explicit else _kick(damping, dt)
     inertia, push = gain / density0, gain * profile if profile.size else ABSENT
-    weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+    weights, geometry = ABSENT, NO_LISTS
+    if scene.is_even:
+        weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+    else:
+        geometry = scene.neighbour_lists()
     uniform = is_uniform(scene) and weights.size <= 2
     even_push = push.size > 0 and push.min() == push.max()
     if uniform:
@@ -200,15 +207,17 @@ def _fixed_step(scene, integrator, dt):
         drift = kick = weights
         coefficients = (keep if damping.size else keep[:1]), stiffness, inertia
     compliance = 1 / modulus
-    velocity0 = np.pad(scene.velocity0(), weights.size, mode="wrap")
+    velocity0, stress0 = (
+        np.pad(field, weights.size, mode="wrap") for field in (begin[0], modulus * begin[1])
+    )
     half = integrator == "leapfrog"
 
     def run(velocity, strain):
         state = np.zeros((4, velocity0.size))
-        state[0] = velocity0
-        march(
-            state, drift, kick, coefficients, amplitude, push, compliance, explicit, half, steps,
-            velocity, strain,
+        state[0], state[2] = velocity0, stress0
+        return march(
+            state, drift, kick, geometry, coefficients, amplitude, push, compliance, explicit, half,
+            steps, watch, velocity, strain,
         )  # fmt: skip
 
     return run
@@ -252,6 +261,17 @@ def advance_any(old, field, weights, factor, new):
 
 
 @compiled
+def advance_lists(old, field, geometry, factor, new):
+    """As advance_two, for particles that each have their own list of neighbours."""
+    first, neighbours, gradients = geometry
+    for i in range(factor.size):
+        rate = 0.0
+        for n in range(first[i], first[i + 1]):
+            rate += gradients[n] * field[neighbours[n]]
+        new[i] = old[i] + factor[i] * rate
+
+
+@compiled
 def act(v, new_v, keep, push, amplitude, step):
     """Damping and force of one step where they vary in space; fields are without ghosts."""
     if keep.size > 1:
@@ -264,17 +284,44 @@ def act(v, new_v, keep, push, amplitude, step):
 
 
 @compiled
-def show(v, stress, compliance, velocity, strain):
-    """Copy fields without ghosts into a row of what is kept."""
+def show(v, stress, compliance, watch, velocity, strain):
+    """Copy fields without ghosts into a row of what is kept; first broken value, or -1."""
+    if not watch:
+        for i in range(compliance.size):
+            velocity[i] = v[i]
+            strain[i] = compliance[i] * stress[i]
+        return -1
+    broken = 0
     for i in range(compliance.size):
+        e = compliance[i] * stress[i]
         velocity[i] = v[i]
-        strain[i] = compliance[i] * stress[i]
+        strain[i] = e
+        broken += not (e > -1 and e < np.inf and abs(v[i]) < np.inf)
+    return first_broken(velocity, strain) if broken else -1
+
+
+@compiled
+def first_broken(velocity, strain):
+    """First value without finite state and positive 1 + e, or -1; of flat fields."""
+    for i in range(strain.size):
+        if not (strain[i] > -1 and strain[i] < np.inf and abs(velocity[i]) < np.inf):
+            return i
+    return -1
+
+
+@compiled
+def count_broken(velocity, strain):
+    """How many values of flat fields have no finite state with positive 1 + e."""
+    broken = 0
+    for i in range(strain.size):
+        broken += not (strain[i] > -1 and strain[i] < np.inf and abs(velocity[i]) < np.inf)
+    return broken
 
 
 @compiled
 def march(
-    state, drift, kick, coefficients, amplitude, push, compliance, explicit, half, steps, velocity,
-    strain,
+    state, drift, kick, geometry, coefficients, amplitude, push, compliance, explicit, half, steps,
+    watch, velocity, strain,
 ):  # fmt: skip
     """``state`` holds velocity and stress, old and new, with ghosts.
 
@@ -294,8 +341,10 @@ def march(
                 advance_uniform(stress, v, drift, 1.0, 0.0, new_stress)
             elif width == 2:
                 advance_two(stress, v, drift, stiffness, new_stress)
-            else:
+            elif width:
                 advance_any(stress, v, drift, stiffness, new_stress)
+            else:
+                advance_lists(stress, v, geometry, stiffness, new_stress)
             wrap(new_stress, width)
             if half and step == 0:
                 # Leapfrog begins with half a drift; all later ones are whole.
@@ -308,50 +357,71 @@ def march(
                 advance_uniform(v, pulling, kick, even_keep, even_push, new_v)
             elif width == 2:
                 advance_two(v, pulling, kick, inertia, new_v)
-            else:
+            elif width:
                 advance_any(v, pulling, kick, inertia, new_v)
+            else:
+                advance_lists(v, pulling, geometry, inertia, new_v)
             if keep.size > 1 or push.size:
                 act(v[inner], new_v[inner], keep, push, amplitude, step)
             wrap(new_v, width)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
         done = steps[row]
+        shown = stress
         if half and done:
             # The strain is half a drift behind, which half of the next one shows.
             if uniform:
                 advance_uniform(stress, v, drift, 1.0, 0.0, new_stress)
             elif width == 2:
                 advance_two(stress, v, drift, stiffness, new_stress)
-            else:
+            elif width:
                 advance_any(stress, v, drift, stiffness, new_stress)
+            else:
+                advance_lists(stress, v, geometry, stiffness, new_stress)
             for i in range(stress.size):
                 new_stress[i] = 0.5 * (stress[i] + new_stress[i])
-            show(v[inner], new_stress[inner], compliance, velocity[row], strain[row])
-        else:
-            show(v[inner], stress[inner], compliance, velocity[row], strain[row])
+            shown = new_stress
+        failed = show(v[inner], shown[inner], compliance, watch, velocity[row], strain[row])
+        if failed >= 0:
+            return row * compliance.size + failed
+    return -1
+
+
+def _watched(velocity, strain):
+    """Flat index of the first broken value of rows that lie behind one another, or -1."""
+    flat = velocity.reshape(-1), strain.reshape(-1)
+    return first_broken(*flat) if count_broken(*flat) else -1
 
 
 # --- Adaptive steps -------------------------------------------------------------------------------
 
 
-def _adaptive(scene, integrator, tolerance):
+def _adaptive(scene, integrator, tolerance, begin, watch):
     from scipy.integrate import solve_ivp
 
     count, times = scene.particle_count, scene.error_times
-    weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
     inertia, modulus = 1 / scene.density0(), scene.modulus()
     damping = scene.damping_values()
-    start = np.concatenate([scene.velocity0(), np.zeros(count)])
+    start = np.concatenate(begin)
     # Strain and velocity over the speed of sound are alike in size.
     speed = np.sqrt(modulus * inertia)
     amplitude, profile = scene.force_values(times)
     pushed = np.abs(amplitude).max(initial=0) * np.abs(profile).max(initial=0) * times[-1]
-    size = np.abs(start[:count]).max() + pushed or 1.0
+    size = np.abs(start * np.concatenate([np.ones(count), speed])).max() + pushed or 1.0
     absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
-    fields = np.empty((2, count + 2 * weights.size))
+    if scene.is_even:
+        weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+        fields = np.empty((2, count + 2 * weights.size))
+    else:
+        scales = np.concatenate(energy_weights(scene))
+        matrix = operator(scene).multiply(scales / scales[:, None]).tocsr()
 
     def rate(t, state):
         push = scene.force_time(t=np.array([t]))[0] * profile if profile.size else ABSENT
+        if not scene.is_even:
+            rates = matrix @ state
+            rates[: push.size] += push
+            return rates
         rates = np.empty_like(state)
         rates_of(state, fields, weights, inertia, modulus, damping, push, rates)
         return rates
@@ -370,6 +440,7 @@ def _adaptive(scene, integrator, tolerance):
             velocity[:], strain[:] = np.nan, np.nan
         velocity[: result.y.shape[1]] = result.y[:count].T
         strain[: result.y.shape[1]] = result.y[count:].T
+        return _watched(velocity, strain) if watch else -1
 
     return run
 
@@ -401,7 +472,7 @@ def rates_of(state, fields, weights, inertia, modulus, damping, push, rates):
 # --- Exact in time --------------------------------------------------------------------------------
 
 
-def _fourier(scene):
+def _fourier(scene, begin, watch):
     """Every Fourier mode of a uniform line is a damped oscillator, carried by jumps."""
     count, times = scene.particle_count, scene.error_times
     density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
@@ -413,11 +484,11 @@ def _fourier(scene):
     if count % 2 == 0:
         symbol[-1] = 0.0
     speed = np.sqrt(modulus[0] / density0[0])
-    blocks = np.zeros((2 * modes, 2, 2))
+    pairs = np.zeros((2 * modes, 2, 2))
     # v̂ and q̂ = i (c/ρ0)^(1/2) ê: v̂' = -d v̂ + ω q̂, q̂' = -ω v̂, real and imaginary parts alike.
-    blocks[:, 0, 1] = np.repeat(speed * symbol, 2)
-    blocks[:, 1, 0] = -blocks[:, 0, 1]
-    blocks[:, 0, 0] = -damping[0] if damping.size else 0.0
+    pairs[:, 0, 1] = np.repeat(speed * symbol, 2)
+    pairs[:, 1, 0] = -pairs[:, 0, 1]
+    pairs[:, 0, 0] = -damping[0] if damping.size else 0.0
     _, profile = scene.force_values(times[:1])
     force = np.zeros((2 * modes, 2))
     if profile.size:
@@ -429,27 +500,35 @@ def _fourier(scene):
         return scene.force_time(t=t)
 
     course = amplitude if profile.size else None
-    jumps = prepare_jumps(blocks, 0, force, scene.error_interval, times.size, course)
-    start = np.fft.rfft(scene.velocity0()).view(float)
+    jumps = prepare_jumps(pairs, 0, force, scene.error_interval, times.size, course)
+    start = [np.fft.rfft(field).view(float) for field in (begin[0], begin[1])]
+    # q̂ = i s ê, s the speed of waves.
+    strained = speed * np.stack([-start[1][1::2], start[1][::2]], axis=1).ravel()
 
     def run(velocity, strain):
         state = np.zeros((4 * modes, times.size))
-        state[: 2 * modes, 0] = start
+        state[: 2 * modes, 0], state[2 * modes :, 0] = start[0], strained
         jumps.run(state, course)
         first, second = state[: 2 * modes], state[2 * modes :]
-        velocity[:] = np.fft.irfft(first[::2].T + 1j * first[1::2].T, count)
-        strain[:] = np.fft.irfft((second[1::2].T - 1j * second[::2].T) / speed, count)
+        for rows in blocks(times.size):
+            velocity[rows] = np.fft.irfft(first[::2, rows].T + 1j * first[1::2, rows].T, count)
+            shown = (second[1::2, rows].T - 1j * second[::2, rows].T) / speed
+            strain[rows] = np.fft.irfft(shown, count)
+            failed = _watched(velocity[rows], strain[rows]) if watch else -1
+            if failed >= 0:
+                return rows.start * count + failed
+        return -1
 
     return run
 
 
-def _exponential(scene):
+def _exponential(scene, begin, watch):
     """Products with the exponential of the sparse operator, from output to output."""
     from scipy.sparse.linalg import expm_multiply
 
     count, interval, times = scene.particle_count, scene.error_interval, scene.error_times
     matrix, scales = operator(scene), np.concatenate(energy_weights(scene))
-    start = scales * np.concatenate([scene.velocity0(), np.zeros(count)])
+    start = scales * np.concatenate(begin)
     _, profile = scene.force_values(times[:1])
     trace = float(matrix.trace())
     if profile.size:
@@ -467,7 +546,7 @@ def _exponential(scene):
         if not profile.size:
             states = expm_multiply(matrix, start, 0, times[-1], times.size, True, trace) / scales
             velocity[:], strain[:] = states[:, :count], states[:, count:]
-            return
+            return _watched(velocity, strain) if watch else -1
         state, jump = start, matrix * interval
         amplitude = scene.force_time(t=(times[:-1, None] + interval * fractions).ravel())
         pushes = amplitude.reshape(-1, fractions.size) @ responses
@@ -475,5 +554,6 @@ def _exponential(scene):
             velocity[row], strain[row] = np.split(state / scales, 2)
             if row < len(pushes):
                 state = expm_multiply(jump, state, traceA=trace * interval) + pushes[row]
+        return _watched(velocity, strain) if watch else -1
 
     return run

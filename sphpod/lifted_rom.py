@@ -39,7 +39,13 @@ MOMENTUM = 1e-12
 
 
 def translates(scene: Scene) -> bool:
-    """Whether translation takes part: there is momentum, a force, or a damping that varies."""
+    """Whether translation takes part: there is momentum, a force, or a damping that varies.
+
+    Only evenly spaced particles can be translated without being strained.
+    """
+    if not scene.is_even:
+        # Σ_j V_j ∇W_ij is then not zero: translation strains, and is a mode like any other.
+        return False
     damping = scene.damping_values()
     if scene.force_time is not None or (damping.size and damping.min() < damping.max()):
         return True

@@ -23,7 +23,6 @@ import numpy as np
 
 from sphpod.compiled import compiled, compiled_sums
 from sphpod.error import FIELDS, Projection
-from sphpod.kernel import derivative, stencil_weights
 from sphpod.scene import ABSENT, Scene
 from sphpod.stability import Breakdown
 
@@ -70,13 +69,17 @@ class ReducedModel:
     velocity_modes: np.ndarray
     density_modes: np.ndarray
 
-    def prepare(self, steps: np.ndarray) -> Callable[[np.ndarray, np.ndarray], None]:
+    def prepare(
+        self, steps: np.ndarray, start: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> Callable[[np.ndarray, np.ndarray], None]:
         """Project the equations: all that precedes the time loop, so that it can be timed alone.
 
         Parameters
         ----------
         steps : int array, shape (times,)
             Ascending numbers of time steps after which the coordinates are kept.
+        start : (velocity_coordinates, density_coordinates), shapes (kv,) and (kρ,), optional
+            Coordinates at step 0; those of the scene's initial state if not given.
 
         Returns
         -------
@@ -85,6 +88,8 @@ class ReducedModel:
             and (times, kρ).
         """
         march, start_a, start_b, arguments = self._project(steps)
+        if start is not None:
+            start_a, start_b = map(_padded, start)
 
         def run(velocity_coordinates, density_coordinates):
             a, b = start_a.copy(), start_b.copy()
@@ -97,9 +102,10 @@ class ReducedModel:
         scene, n_freeze = self.scene, freeze_steps(self.method)
         velocity_modes, density_modes = self.velocity_modes, self.density_modes
         density0, dt = scene.density0(), scene.time_step
-        weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
-        pull = dt * derivative(velocity_modes / density0, weights) * scene.modulus()
-        stretch = -dt * derivative(velocity_modes, weights) / density0
+        # Σ_i Φ_i (1/ρ0_i) (G s)_i is Σ_j s_j times this, as V_i G_ij is antisymmetric.
+        shares = velocity_modes / (density0 * scene.volumes)
+        pull = dt * scene.derivative(shares) * scene.volumes * scene.modulus()
+        stretch = -dt * scene.derivative(velocity_modes) / density0
         start = _padded(velocity_modes @ scene.velocity0()), _padded(density_modes @ density0)
         decay, damping, amplitude, push = self._project_forces(dt, steps[-1])
         forces = decay, _padded(damping.T, both=True), amplitude, _padded(push)
@@ -114,6 +120,38 @@ class ReducedModel:
             tensor = _quadratic_tensor(*on_particles, kr)
             return march_tensor, *start, (force, constant, tensor, n_freeze, *forces)
         return march_frozen, *start, (force, constant, *on_particles, n_freeze, *forces)
+
+    def operator(self, density: np.ndarray | None = None) -> np.ndarray:
+        """The model linearized about a density at rest, [[-D, A], [-Cᵀ, 0]] of (2.21) to (2.24).
+
+        Parameters
+        ----------
+        density : array, shape (N,), optional
+            Density ρ [kg/m³] of which the coefficients are taken: that of the last refresh for a
+            frozen model; the initial one, projected on the density modes, if not given.
+
+        Returns
+        -------
+        array, shape (kv + kρ, kv + kρ)
+            Of velocity and density coordinates [1/s times ratios of their units].
+        """
+        scene, v_modes, rho_modes = self.scene, self.velocity_modes, self.density_modes
+        density0 = scene.density0()
+        if density is None:
+            density = rho_modes.T @ (rho_modes @ density0)
+        # d(1 - ρ0/ρ)/dρ is ρ0/ρ²; with linearized density it is 1/ρ0.
+        slope = density0 / density**2 if self.method == "original" else 1 / density0
+        shares = v_modes / (density0 * scene.volumes)
+        pull = scene.derivative(shares) * scene.volumes * scene.modulus()
+        stretch = -(density**2) / density0 * scene.derivative(v_modes)
+        damping = scene.damping_values()
+        decay = -(v_modes * damping) @ v_modes.T if damping.size else np.zeros((len(v_modes),) * 2)
+        return np.block(
+            [
+                [decay, (pull * slope) @ rho_modes.T],
+                [rho_modes @ stretch.T, np.zeros((len(rho_modes),) * 2)],
+            ]
+        )
 
     def solve(self, steps: np.ndarray) -> Solution:
         """Run the model.

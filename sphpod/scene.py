@@ -7,7 +7,7 @@ import numpy as np
 
 from sphpod import stability
 from sphpod.expressions import Expression
-from sphpod.kernel import neighbour_count
+from sphpod.kernel import derivative, neighbour_count, neighbour_lists, stencil_weights
 
 PHYSICS_KEYS = (
     "domain_length",
@@ -22,6 +22,7 @@ PHYSICS_KEYS = (
     "time_step",
     "error_interval",
     "interface",
+    "positions",
 )
 """The settings of a scene that its solutions depend on; samplings, figures and the like do not."""
 
@@ -55,6 +56,9 @@ class Scene:
     force_time, force_profile : Expression in t and in x, or None
         External force per mass f(x, t) = force_profile(x) force_time(t) [m/s²]; a force without
         profile is uniform.
+    jitter, seed : float and int
+        Largest distance, in spacings, of a particle from its even place at rest, drawn at random
+        from this seed; 0 if the particles are evenly spaced.
     """
 
     name: str
@@ -71,6 +75,8 @@ class Scene:
     damping: Expression | None
     force_time: Expression | None
     force_profile: Expression | None
+    jitter: float = 0.0
+    seed: int = 0
 
     @classmethod
     def from_settings(cls, name: str, settings: dict[str, Any]) -> "Scene":
@@ -96,6 +102,7 @@ class Scene:
         parts = {f"force.{k}": v for k, v in force.items()} if isinstance(force, dict) else {}
         time = parts.get("force.time", None if parts else force)
         shape = parts.get("force.profile")
+        places = settings.get("positions", {})
         return cls(
             name=name,
             domain_length=float(settings["domain_length"]),
@@ -113,6 +120,8 @@ class Scene:
                 None if time is None else expression("force.time" if parts else "force", time, "t")
             ),
             force_profile=None if shape is None else expression("force.profile", shape, "x"),
+            jitter=float(places.get("jitter", 0.0)),
+            seed=places.get("seed", 0),
         )
 
     @property
@@ -127,8 +136,26 @@ class Scene:
 
     @property
     def positions(self) -> np.ndarray:
-        """Particle positions x_i = i Δx [m], shape (N,)."""
-        return np.arange(self.particle_count) * self.spacing
+        """Particle positions at rest [m], ascending, shape (N,): x_i = i Δx, unless they jitter."""
+        even = np.arange(self.particle_count) * self.spacing
+        if self.is_even:
+            return even
+        offsets = np.random.default_rng(self.seed).uniform(-1, 1, self.particle_count)
+        # No particle leaves the domain or passes another: all are shifted alike to begin at 0.
+        return even + self.jitter * self.spacing * (offsets - offsets[0])
+
+    @property
+    def is_even(self) -> bool:
+        """Whether the particles are evenly spaced, so that all see the same neighbourhood."""
+        return self.jitter == 0
+
+    @property
+    def volumes(self) -> np.ndarray:
+        """Particle volumes V_i [m], shape (N,): Δx, or half the distance between the neighbours."""
+        if self.is_even:
+            return np.full(self.particle_count, self.spacing)
+        gaps = np.diff(self.positions, append=self.domain_length)
+        return (gaps + np.roll(gaps, 1)) / 2
 
     @property
     def step_count(self) -> int:
@@ -163,8 +190,11 @@ class Scene:
         if self.interface is None:
             return self.youngs_modulus(x=self.positions)
         quarter = self.spacing / 4
-        left = (self.positions - quarter) % self.domain_length
-        return (self.youngs_modulus(x=left) + self.youngs_modulus(x=self.positions + quarter)) / 2
+        left, right = (
+            self.youngs_modulus(x=(self.positions + way * quarter) % self.domain_length)
+            for way in (-1, 1)
+        )
+        return (left + right) / 2
 
     def damping_values(self, positions: np.ndarray | None = None) -> np.ndarray:
         """Damping coefficient [1/s] at the particles or ``positions``; empty if there is none."""
@@ -186,6 +216,27 @@ class Scene:
         x = self.positions if positions is None else positions
         shape = np.ones_like(x) if self.force_profile is None else self.force_profile(x=x)
         return self.force_time(t=times), shape
+
+    def neighbour_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Neighbours of each particle and their weights, as `kernel.neighbour_lists` gives them."""
+        return neighbour_lists(
+            self.positions, self.volumes, self.smoothing_length, self.domain_length
+        )
+
+    def derivative(self, fields: np.ndarray) -> np.ndarray:
+        """SPH derivative G of fields (…, N) along their last axis [1/m times theirs] (2.9)."""
+        if self.is_even:
+            return derivative(fields, stencil_weights(self.spacing, self.smoothing_ratio))
+        return (derivative_matrix(self) @ fields.T).T
+
+
+def derivative_matrix(scene: Scene):
+    """The SPH derivative G [1/m], a scipy.sparse matrix (N, N), V_i G_ij antisymmetric."""
+    from scipy.sparse import csr_array
+
+    first, neighbours, gradients = scene.neighbour_lists()
+    index = neighbours.astype(np.int32), first.astype(np.int32)
+    return csr_array((gradients, *index), shape=(scene.particle_count,) * 2)
 
 
 def check(scene: Scene) -> None:

@@ -11,12 +11,20 @@ A damping or force that a scene lacks is an empty array, and costs nothing.
 import numpy as np
 
 from sphpod.compiled import compiled
-from sphpod.kernel import neighbour_lists, stencil_weights
+from sphpod.kernel import stencil_weights
 from sphpod.scene import Scene
 from sphpod.stability import Breakdown
 
+State = tuple[np.ndarray, np.ndarray]
+"""Two fields (N,): velocity [m/s], and density [kg/m³] or, in the lifted model, strain."""
 
-def solve(scene: Scene, steps: np.ndarray, neighbours: str = "stencil") -> dict[str, np.ndarray]:
+
+def solve(
+    scene: Scene,
+    steps: np.ndarray,
+    neighbours: str | None = None,
+    start: State | None = None,
+) -> dict[str, np.ndarray]:
     """Run full SPH and keep the fields after the given numbers of steps.
 
     Parameters
@@ -24,9 +32,13 @@ def solve(scene: Scene, steps: np.ndarray, neighbours: str = "stencil") -> dict[
     scene : Scene
     steps : int array, shape (times,)
         Ascending numbers of time steps after which the state is kept.
-    neighbours : {"stencil", "lists"}
+    neighbours : {"stencil", "lists"}, optional
         Evenly spaced fixed particles share one stencil; lists hold the neighbours of each particle,
-        as an SPH code for any arrangement does. Both give the same solution to rounding.
+        as an SPH code for any arrangement does, and as jittered particles need. Both give the same
+        solution to rounding; the stencil is taken where it can be.
+    start : (velocity, density), optional
+        State after ``steps[0]`` steps, to go on from; the scene's initial one at step 0 if not
+        given.
 
     Returns
     -------
@@ -40,7 +52,7 @@ def solve(scene: Scene, steps: np.ndarray, neighbours: str = "stencil") -> dict[
     """
     velocity = np.empty((steps.size, scene.particle_count))
     density = np.empty_like(velocity)
-    run = prepare(scene, steps, neighbours)
+    run = prepare(scene, steps, neighbours, start)
     failed = run(velocity, density)
     if failed >= 0:
         at = divmod(failed, scene.particle_count)
@@ -53,25 +65,44 @@ def solve(scene: Scene, steps: np.ndarray, neighbours: str = "stencil") -> dict[
     }
 
 
-def prepare(scene: Scene, steps: np.ndarray, neighbours: str):
+def prepare(
+    scene: Scene,
+    steps: np.ndarray,
+    neighbours: str | None = None,
+    start: State | None = None,
+    watch: bool = True,
+):
     """Everything that precedes the time loop, so that the loop can be timed alone.
+
+    Parameters are those of `solve`, and
+
+    watch : bool
+        Whether kept states are watched for a breakdown; without, what watching costs can be told.
 
     Returns
     -------
     callable
         ``run(velocity, density)`` fills two (times, N) arrays and returns -1, or the flat index of
         the first kept value that broke down.
+
+    Raises
+    ------
+    ValueError
+        A stencil is asked for, but the particles are not evenly spaced.
     """
+    if neighbours is None:
+        neighbours = "stencil" if scene.is_even else "lists"
+    elif neighbours == "stencil" and not scene.is_even:
+        raise ValueError(f"scene {scene.name}: neighbours = stencil: jittered particles need lists")
+    first_step = 0 if start is None else int(steps[0])
+    velocity_now, density_now = start or (scene.velocity0(), scene.density0())
     amplitude, profile = scene.force_values(np.arange(steps[-1]) * scene.time_step)
     density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
     dt = scene.time_step
     material = dt / density0, modulus, modulus * density0
     forces = dt * damping, dt * amplitude, profile
     if neighbours == "lists":
-        volumes = np.full(scene.particle_count, scene.spacing)
-        geometry = neighbour_lists(
-            scene.positions, volumes, scene.smoothing_length, scene.domain_length
-        )
+        geometry = scene.neighbour_lists()
         march, ghosts = march_lists, 0
     else:
         weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
@@ -80,20 +111,28 @@ def prepare(scene: Scene, steps: np.ndarray, neighbours: str):
         geometry = (np.pad(weights, (0, ghosts - weights.size)),)
         march = march_stencil
 
-    velocity0 = np.pad(scene.velocity0(), ghosts, mode="wrap")
+    velocity0 = np.pad(velocity_now, ghosts, mode="wrap")
+    stress0 = np.pad(modulus * (1 - density0 / density_now), ghosts, mode="wrap")
 
     def run(velocity, density):
         state = np.zeros((4, velocity0.size))
-        state[0] = velocity0
-        rho = density0.copy()
-        return march(state, rho, material, forces, geometry, steps, velocity, density)
+        state[0], state[2] = velocity0, stress0
+        rho = density_now.copy()
+        return march(
+            state, rho, material, forces, geometry, first_step, steps, watch, velocity, density
+        )
 
     return run
 
 
 @compiled
-def keep(v, rho, velocity, density):
+def keep(v, rho, watch, velocity, density):
     """Copy the state, without ghosts, into a row of what is kept; first broken value, or -1."""
+    if not watch:
+        for i in range(rho.size):
+            velocity[i] = v[i]
+            density[i] = rho[i]
+        return -1
     broken = 0
     for i in range(rho.size):
         velocity[i] = v[i]
@@ -181,14 +220,16 @@ def advance_any(v, new_v, stress, new_stress, rho, material, weights):
 
 
 @compiled
-def march_stencil(state, rho, material, forces, geometry, steps, velocity, density):
+def march_stencil(
+    state, rho, material, forces, geometry, first_step, steps, watch, velocity, density
+):  # fmt: skip
     """Evenly spaced particles. ``state`` holds velocity and stress, old and new, with ghosts."""
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
     (weights,) = geometry
     width = weights.size
     inner = slice(width, width + rho.size)
     acted = forces[0].size > 0 or forces[1].size > 0
-    done = 0
+    done = first_step
     for row in range(steps.size):
         for step in range(done, steps[row]):
             if width == 2:
@@ -204,7 +245,7 @@ def march_stencil(state, rho, material, forces, geometry, steps, velocity, densi
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
         done = steps[row]
-        failed = keep(v[inner], rho, velocity[row], density[row])
+        failed = keep(v[inner], rho, watch, velocity[row], density[row])
         if failed >= 0:
             return row * rho.size + failed
     return -1
@@ -231,11 +272,13 @@ def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
 
 
 @compiled
-def march_lists(state, rho, material, forces, geometry, steps, velocity, density):
+def march_lists(
+    state, rho, material, forces, geometry, first_step, steps, watch, velocity, density
+):  # fmt: skip
     """Any arrangement of particles. ``state`` holds velocity and stress, old and new."""
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
     acted = forces[0].size > 0 or forces[1].size > 0
-    done = 0
+    done = first_step
     for row in range(steps.size):
         for step in range(done, steps[row]):
             advance_lists(v, new_v, stress, new_stress, rho, material, geometry)
@@ -244,7 +287,7 @@ def march_lists(state, rho, material, forces, geometry, steps, velocity, density
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
         done = steps[row]
-        failed = keep(v, rho, velocity[row], density[row])
+        failed = keep(v, rho, watch, velocity[row], density[row])
         if failed >= 0:
             return row * rho.size + failed
     return -1

@@ -18,9 +18,8 @@ from threadpoolctl import threadpool_limits
 
 from sphpod import sph
 from sphpod.error import FIELDS
-from sphpod.kernel import neighbour_lists
 from sphpod.rom import ReducedModel, acceleration_contenders, freeze_steps
-from sphpod.scene import Scene
+from sphpod.scene import Scene, derivative_matrix
 
 BASELINES = ("sph_neighbour_lists", "sph_stencil")
 """Full SPH that savings are told against: as an SPH code does it, and for even spacing alone."""
@@ -246,14 +245,7 @@ def sparse_loop(scene: Scene, step_count: int) -> tuple[np.ndarray, np.ndarray]:
     velocity, density : arrays, shape (N,)
         After ``step_count`` steps.
     """
-    from scipy.sparse import csr_array
-
-    count = scene.particle_count
-    first, neighbours, gradients = neighbour_lists(
-        scene.positions, np.full(count, scene.spacing), scene.smoothing_length, scene.domain_length
-    )
-    index = neighbours.astype(np.int32), first.astype(np.int32)
-    gradient = csr_array((gradients, *index), shape=(count, count))
+    gradient = derivative_matrix(scene)
     velocity, density = scene.velocity0(), scene.density0()
     density0, modulus, dt = density.copy(), scene.modulus(), scene.time_step
     damping = scene.damping_values()
