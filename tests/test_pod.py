@@ -44,7 +44,7 @@ def test_each_field_has_its_own_modes():
     snapshots = {
         "x": np.arange(9.0),
         "velocity_snapshots": rng.standard_normal((3, 9)),
-        "density_snapshots": rng.standard_normal((4, 9)),
+        "density_snapshots": rng.uniform(1, 2, (4, 9)),
     }
     result = pod.decompose(snapshots)
     assert result["velocity_modes"].shape == (3, 9)
