@@ -254,7 +254,8 @@ class LiftedModel:
         _, stiffness = lifted.energy_weights(scene)
         shapes = self.strain_modes / stiffness
         reach = np.linalg.norm(shapes, axis=0).max(initial=0)
-        lengths = np.linalg.norm(strain[:last], axis=1)
+        with np.errstate(over="ignore"):
+            lengths = np.linalg.norm(strain[:last], axis=1)
         row, particle = first_broken(-1, strain, shapes, np.flatnonzero(lengths * reach >= 1))
         if row >= 0:
             return Breakdown(scene.name, model, times[row], particle)

@@ -210,11 +210,12 @@ class ReducedModel:
         if len(rows):
             reach = np.linalg.norm(self.density_modes, axis=0)
             first = rows[0] @ self.density_modes
-            moved = np.linalg.norm(rows - rows[0], axis=1)
             if first.min() > 0:
-                suspects = np.flatnonzero(moved * np.max(reach / first) >= 1)
+                with np.errstate(over="ignore"):
+                    moved = np.linalg.norm(rows - rows[0], axis=1)
+                    suspects = np.flatnonzero(moved * np.max(reach / first) >= 1)
             else:
-                suspects = np.zeros(1, int)
+                suspects = np.arange(len(rows))
             found = first_broken(0, rows, self.density_modes, suspects)
             if found[0] >= 0:
                 return found
