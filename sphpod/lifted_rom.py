@@ -25,7 +25,7 @@ import numpy as np
 
 from sphpod import lifted, propagator
 from sphpod.error import FIELDS, blocks
-from sphpod.pod import ONE_THREAD, checked
+from sphpod.pod import checked
 from sphpod.pod import modes as proper_modes
 from sphpod.propagator import Jumps
 from sphpod.scene import Scene
@@ -57,7 +57,6 @@ def translates(scene: Scene) -> bool:
     return bool(abs(momentum.sum()) > MOMENTUM * np.abs(momentum).sum())
 
 
-@ONE_THREAD
 def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Energy-orthonormal modes of velocity and strain snapshots.
 

@@ -11,11 +11,6 @@ ROUNDING_LEVEL = 1e-12
 """Modes below this fraction of the first singular value hold rounding errors alone."""
 
 
-ONE_THREAD = threadpool_limits.wrap(limits=1, user_api="blas")
-"""For decompositions: sums that threads share among them are rounded otherwise, which modes of
-small singular values magnify."""
-
-
 def checked(what: str, snapshots: np.ndarray, above: float = -np.inf) -> np.ndarray:
     """Snapshots in double precision, whatever they were given in.
 
@@ -46,7 +41,6 @@ def checked(what: str, snapshots: np.ndarray, above: float = -np.inf) -> np.ndar
     return snapshots
 
 
-@ONE_THREAD
 def modes(snapshots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Orthonormal modes of snapshots by singular value decomposition, no mean subtracted.
 
@@ -70,7 +64,11 @@ def modes(snapshots: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     ValueError
         There is no snapshot, or a value is not finite.
     """
-    _, singular_values, rows = np.linalg.svd(checked("snapshots", snapshots), full_matrices=False)
+    snapshots = checked("snapshots", snapshots)
+    # Threads share sums among them, and modes of small singular values magnify how those are
+    # rounded.
+    with threadpool_limits(1, "blas"):
+        _, singular_values, rows = np.linalg.svd(snapshots, full_matrices=False)
     size = np.abs(rows)
     # Entries of a mode that are equal but for rounding are ties, whichever rounding makes larger.
     largest = np.argmax(size >= (1 - 1e-8) * size.max(axis=1, keepdims=True), axis=1)
