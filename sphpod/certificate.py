@@ -202,7 +202,7 @@ class Best:
 
     @classmethod
     def of(cls, scene: Scene, modes: Mapping[str, np.ndarray]) -> "Best":
-        model = lifted_rom.build(scene, modes, len(modes["scaled_velocity_modes"]))
+        model = lifted_rom.build(scene, modes)
         state = model.prepare("lifted_exact").solve()
         velocity, strain = model.coordinates(state)
         squares = np.einsum("tm,tm->t", velocity, velocity) + np.einsum("tm,tm->t", strain, strain)

@@ -280,6 +280,9 @@ VARIABLES = _fields() | {
         ("amplitude",), "1", "smallest Jacobian of full SPH over time and particles"
     ),
     "folding_amplitude": Variable((), "1", "amplitude from which full SPH breaks down"),
+    "lifted_folding_amplitude": Variable(
+        (), "1", "amplitude from which the lifted full model, exact in time, breaks down"
+    ),
     "scaled_velocity_error": Variable(
         ("contender", "amplitude"), "1", "relative L2 error of the velocity, against its full model"
     ),
@@ -295,7 +298,9 @@ VARIABLES = _fields() | {
     ),
     "noise_bound": Variable(("noise",), "1", "bound of the same error"),
     "noise_original_error": Variable(
-        ("noise",), "1", "larger POD error of the original model, of velocity and strain"
+        ("noise",),
+        "1",
+        "the same error of the original model, against full SPH; infinite if it broke",
     ),
     "defect": Variable(("defect",), "", "what is wrong with snapshots", str),
     "defect_mode_count": Variable(("defect",), "1", "modes asked for", np.int32),

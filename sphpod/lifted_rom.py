@@ -16,6 +16,7 @@ they are ill-conditioned, the model is one block. `sphpod.propagator` carries th
 output, exactly in time (``lifted_exact``) or as explicit Euler would go (``lifted_euler``).
 """
 
+import logging
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
@@ -24,10 +25,13 @@ import numpy as np
 
 from sphpod import lifted, propagator
 from sphpod.error import FIELDS, blocks
+from sphpod.pod import checked
 from sphpod.pod import modes as proper_modes
 from sphpod.propagator import Jumps
 from sphpod.scene import Scene
-from sphpod.stability import Breakdown
+from sphpod.stability import Breakdown, first_broken
+
+logger = logging.getLogger(__name__)
 
 METHODS = ("lifted_euler", "lifted_exact")
 
@@ -68,18 +72,33 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
         x (N,); scaled_velocity_modes, scaled_strain_modes (modes, N), of singular values that are
         not zero; scaled_velocity_singular_values, scaled_strain_singular_values; translation, 1 if
         the first velocity mode is the rigid translation, else 0.
+
+    Raises
+    ------
+    ValueError
+        There is no snapshot, a value is not finite, a density not positive or a strain not above
+        -1; or nothing moves, in the snapshots or by translation, so that there is no mode.
     """
+
+    def given(name, above):
+        return checked(f"scene {scene.name}: {name}", snapshots[name], above)
+
     mass, stiffness = lifted.energy_weights(scene)
-    velocity = mass * snapshots["velocity_snapshots"]
+    velocity = mass * given("velocity_snapshots", -np.inf)
     if "strain_snapshots" in snapshots:
-        strain = snapshots["strain_snapshots"]
+        strain = given("strain_snapshots", -1)
     else:
-        strain = lifted.strain(scene, snapshots["density_snapshots"])
+        strain = lifted.strain(scene, given("density_snapshots", 0))
     rigid = (mass / np.linalg.norm(mass))[None] if translates(scene) else np.zeros((0, mass.size))
     shares = velocity @ rigid.T
     velocity_modes, velocity_values = _modes(velocity - shares @ rigid, np.linalg.norm(shares))
     strain_modes, strain_values = _modes(stiffness * strain)
     velocity_modes = np.concatenate([rigid, velocity_modes])
+    if not len(velocity_modes):
+        raise ValueError(
+            f"scene {scene.name}: velocity_snapshots: all values are 0 and no translation takes "
+            "part: a model needs at least one velocity mode"
+        )
     # Subtracted translation is orthogonal but for rounding, which modes of small values magnify.
     if len(rigid):
         columns, shares_left = np.linalg.qr(velocity_modes.T)
@@ -107,11 +126,28 @@ def _modes(snapshots, removed=0.0):
     return rows[:rank], values[:rank]
 
 
-def build(scene: Scene, modes: Mapping[str, np.ndarray], count: int) -> "LiftedModel":
-    """Model with so many velocity modes, or all there are, and a strain mode for each wave."""
+def build(scene: Scene, modes: Mapping[str, np.ndarray], count: int | None = None) -> "LiftedModel":
+    """Model with so many velocity modes, and a strain mode for each wave.
+
+    Where the snapshots hold fewer, the model has all there are, and the log tells of it.
+
+    Parameters
+    ----------
+    scene : Scene
+    modes : dict
+        As from `decompose`.
+    count : int, optional
+        Velocity modes; all there are if not given.
+    """
     velocity_modes = modes["scaled_velocity_modes"][:count]
     rigid = int(modes["translation"])
     strain_modes = modes["scaled_strain_modes"][: len(velocity_modes) - rigid]
+    if count is not None and min(len(velocity_modes), len(strain_modes) + rigid) < count:
+        logger.warning(
+            "scene %s: %d modes asked for, the snapshots hold %d of velocity and %d of strain",
+            scene.name, count, len(modes["scaled_velocity_modes"]),
+            len(modes["scaled_strain_modes"]),
+        )  # fmt: skip
     return LiftedModel(scene, velocity_modes, strain_modes, rigid)
 
 
@@ -206,7 +242,8 @@ class LiftedModel:
         """How a solution broke down: not finite, or a Jacobian 1 + e that is not positive.
 
         |e_i| is at most the length of the coordinates times that of the particle's entries in the
-        modes: a test that is usually enough, and sees no particle but once.
+        modes: a test that is usually enough, and sees no particle but once. J is reconstructed only
+        at the times at which the test fails.
         """
         scene, times = self.scene, self.scene.error_times
         velocity, strain = self.coordinates(state)
@@ -216,11 +253,11 @@ class LiftedModel:
         _, stiffness = lifted.energy_weights(scene)
         shapes = self.strain_modes / stiffness
         reach = np.linalg.norm(shapes, axis=0).max(initial=0)
-        lengths = np.linalg.norm(strain[:last], axis=1)
-        for row in np.flatnonzero(lengths * reach >= 1):
-            values = strain[row] @ shapes
-            if values.min() <= -1:
-                return Breakdown(scene.name, model, times[row], int(values.argmin()))
+        with np.errstate(over="ignore"):
+            lengths = np.linalg.norm(strain[:last], axis=1)
+        row, particle = first_broken(-1, strain, shapes, np.flatnonzero(lengths * reach >= 1))
+        if row >= 0:
+            return Breakdown(scene.name, model, times[row], particle)
         return None if finite.all() else Breakdown(scene.name, model, times[last], 0)
 
 

@@ -14,6 +14,7 @@ frozen1, frozen2, …
     refreshed every n_freeze steps only. frozen1 is the linearized model in another form.
 """
 
+import logging
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -24,7 +25,9 @@ import numpy as np
 from sphpod.compiled import compiled, compiled_sums
 from sphpod.error import FIELDS, Projection
 from sphpod.scene import ABSENT, Scene
-from sphpod.stability import Breakdown
+from sphpod.stability import Breakdown, first_broken
+
+logger = logging.getLogger(__name__)
 
 GROUP = 4
 """Modes, and models, that a kernel takes at once, so that it passes over memory less often."""
@@ -195,21 +198,27 @@ class ReducedModel:
         return Breakdown(self.scene.name, model, steps[row] * self.scene.time_step, particle)
 
     def _broken(self, velocity_coordinates, density_coordinates):
-        """First row and particle without finite state and positive density, or (-1, -1)."""
+        """First row and particle without finite state and positive Jacobian J, or (-1, -1).
+
+        J = ρ0/ρ is positive where ρ is, and |ρ_i(t) - ρ_i(0)| is at most the length of what the
+        coordinates moved times that of the particle's entries in the modes: a test that is usually
+        enough, and sees no particle but once. ρ is reconstructed only where the test fails.
+        """
         finite = np.isfinite(velocity_coordinates).all(1) & np.isfinite(density_coordinates).all(1)
         bad = -1 if finite.all() else int(np.argmin(finite))
         rows = density_coordinates[: bad if bad >= 0 else None]
-        if not len(rows):
-            return bad, 0
-        # |ρ_i(t) - ρ_i(0)| is at most the length of what the coordinates moved times that of the
-        # particle's entries in the modes: a test that is usually enough, and needs no particle.
-        reach = np.linalg.norm(self.density_modes, axis=0)
-        first = rows[0] @ self.density_modes
-        moved = np.linalg.norm(rows - rows[0], axis=1)
-        for row in np.flatnonzero(moved * np.max(reach / np.maximum(first, 1e-300)) >= 1):
-            density = rows[row] @ self.density_modes
-            if density.min() <= 0:
-                return int(row), int(density.argmin())
+        if len(rows):
+            reach = np.linalg.norm(self.density_modes, axis=0)
+            first = rows[0] @ self.density_modes
+            if first.min() > 0:
+                with np.errstate(over="ignore"):
+                    moved = np.linalg.norm(rows - rows[0], axis=1)
+                    suspects = np.flatnonzero(moved * np.max(reach / first) >= 1)
+            else:
+                suspects = np.arange(len(rows))
+            found = first_broken(0, rows, self.density_modes, suspects)
+            if found[0] >= 0:
+                return found
         return bad, 0 if bad >= 0 else -1
 
 
@@ -360,10 +369,14 @@ def accelerate(
 
 
 def _model(scene, method, modes, count):
-    """Model with so many modes for velocity and density each, or all there are."""
-    return ReducedModel(
-        scene, method, modes["velocity_modes"][:count], modes["density_modes"][:count]
-    )
+    """Model with so many modes for velocity and density each, or all, as the log tells."""
+    velocity_modes, density_modes = (modes[f"{field}_modes"] for field in FIELDS)
+    if min(len(velocity_modes), len(density_modes)) < count:
+        logger.warning(
+            "scene %s: %d modes asked for, the snapshots hold %d of velocity and %d of density",
+            scene.name, count, len(velocity_modes), len(density_modes),
+        )  # fmt: skip
+    return ReducedModel(scene, method, velocity_modes[:count], density_modes[:count])
 
 
 def tensor_is_cheaper(kv: int, kr: int, particle_count: int, n_freeze: int) -> bool:

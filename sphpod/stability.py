@@ -11,6 +11,7 @@ import logging
 
 import numpy as np
 
+from sphpod.error import blocks
 from sphpod.kernel import stencil_weights
 
 MOMENTS = 16
@@ -30,6 +31,33 @@ class Breakdown(ArithmeticError):
         )
         self.time = time
         self.particle = particle
+
+
+def first_broken(limit, coordinates, modes, rows):
+    """Where a reduced field is first not finite or not above a limit, where a cheap test is unsure.
+
+    Parameters
+    ----------
+    limit : float
+    coordinates : array, shape (times, k)
+    modes : array, shape (k, N)
+    rows : int array
+        Ascending rows of the coordinates, the only ones whose field is reconstructed.
+
+    Returns
+    -------
+    row, particle : ints
+        The first such row and the particle that is furthest below; -1 and -1 without one.
+    """
+    for some in blocks(rows.size):
+        with np.errstate(over="ignore", invalid="ignore"):
+            fields = coordinates[rows[some]] @ modes
+        fields = np.where(fields < np.inf, fields, -np.inf)
+        broken = fields.min(axis=1) <= limit
+        if broken.any():
+            first = int(broken.argmax())
+            return int(rows[some][first]), int(fields[first].argmin())
+    return -1, -1
 
 
 def fastest_wave(scene):

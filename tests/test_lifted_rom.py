@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import VARIED, scene
 
-from sphpod import lifted, lifted_rom, sph
+from sphpod import lifted, lifted_rom, sph, stability
 from sphpod.error import relative_error
 from sphpod.lifted_rom import LiftedModel
 from sphpod.stability import Breakdown
@@ -338,6 +338,72 @@ def test_breakdown_names_scene_time_and_particle(changes, method):
     row = np.flatnonzero(strain.min(axis=1) <= -1)[0]
     assert caught.value.time == case.error_times[row]
     assert caught.value.particle == strain[row].argmin()
+
+
+@settings(deadline=None, max_examples=100)
+@given(
+    random_models(),
+    st.floats(-3, 2),
+    st.sampled_from([None, np.nan, np.inf]),
+    st.integers(0, 2**32 - 1),
+)
+def test_breakdown_is_where_j_is_first_not_positive(model, size, wrong, seed):
+    """By J of all particles at every output of any reduced solution; and the test is sufficient."""
+    rng, case = np.random.default_rng(seed), model.scene
+    model = LiftedModel(case, model.velocity_modes, model.strain_modes, 0)
+    count = len(model.own.to_modes)
+    times = case.error_times.size
+    state = 10**size * rng.standard_normal((count, times)) * np.linspace(0, 1, times)
+    if wrong is not None:
+        state[rng.integers(count), rng.integers(times) :] = wrong
+    suspected = []
+
+    def watched(limit, coordinates, shapes, rows):
+        suspected.extend(rows)
+        return stability.first_broken(limit, coordinates, shapes, rows)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(lifted_rom, "first_broken", watched)
+        found = model.breakdown(state)
+    with np.errstate(all="ignore"):
+        velocity, strain = fields(model, *model.coordinates(state))
+    sound = np.isfinite(velocity) & np.isfinite(strain) & (1 + strain > 0)
+    broken = ~sound.all(axis=1)
+    if not broken.any():
+        assert found is None
+    else:
+        assert found is not None
+        row = int(broken.argmax())
+        assert found.time == case.error_times[row]
+        assert not sound[row, found.particle]
+    passed = np.setdiff1d(np.arange(times), suspected)
+    whole = broken.argmax() if broken.any() else times
+    assert not broken[passed[passed < whole]].any()
+    assert 0 in passed
+
+
+def test_nothing_is_reconstructed_where_the_test_passes(monkeypatch):
+    counts = []
+
+    def count(limit, coordinates, shapes, rows):
+        counts.append(rows.size)
+        return stability.first_broken(limit, None, None, rows)
+
+    monkeypatch.setattr(lifted_rom, "first_broken", count)
+    solve(reduced(scene()), "lifted_exact")
+    assert counts == [0]
+
+
+def test_more_modes_than_there_are_is_told_of(caplog):
+    case = scene(initial_velocity="1e-3*x*(L - x)*sin(6*pi*x)")
+    modes = lifted_rom.decompose(case, snapshots(case, every=10, last=50))
+    lifted_rom.build(case, modes, 4)
+    lifted_rom.build(case, modes)
+    assert not caplog.messages
+    lifted_rom.build(case, modes, 12)
+    assert caplog.messages == [
+        "scene test: 12 modes asked for, the snapshots hold 5 of velocity and 4 of strain"
+    ]
 
 
 def test_a_model_that_is_not_finite_broke_down():

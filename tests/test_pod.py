@@ -1,6 +1,11 @@
 """Proper orthogonal decomposition."""
 
+import os
+import subprocess
+import sys
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -44,9 +49,67 @@ def test_each_field_has_its_own_modes():
     snapshots = {
         "x": np.arange(9.0),
         "velocity_snapshots": rng.standard_normal((3, 9)),
-        "density_snapshots": rng.standard_normal((4, 9)),
+        "density_snapshots": rng.uniform(1, 2, (4, 9)),
     }
     result = pod.decompose(snapshots)
     assert result["velocity_modes"].shape == (3, 9)
     assert result["density_modes"].shape == (4, 9)
     assert result["density_singular_values"].shape == (4,)
+
+
+def test_modes_are_of_double_precision_whatever_the_snapshots():
+    snapshots = np.random.default_rng(0).standard_normal((5, 30)).astype(np.float32)
+    for found, expected in zip(
+        pod.modes(snapshots), pod.modes(snapshots.astype(float)), strict=True
+    ):
+        assert found.dtype == np.float64
+        np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf, -np.inf])
+def test_snapshots_that_are_not_finite_are_refused_by_name(wrong):
+    snapshots = np.ones((4, 9))
+    snapshots[2, 7] = wrong
+    sentence = rf"snapshot 2 is {wrong:g} at particle 7: all values must be finite"
+    with pytest.raises(ValueError, match=f"^snapshots: {sentence}$"):
+        pod.modes(snapshots)
+    fields = {"x": np.arange(9.0), "velocity_snapshots": np.ones((4, 9))}
+    with pytest.raises(ValueError, match=f"^density_snapshots: {sentence} and above 0$"):
+        pod.decompose(fields | {"density_snapshots": snapshots})
+    with pytest.raises(ValueError, match=f"^velocity_snapshots: {sentence}$"):
+        pod.decompose(fields | {"velocity_snapshots": snapshots, "density_snapshots": np.ones(9)})
+
+
+def test_densities_that_are_not_positive_and_no_snapshots_are_refused():
+    fields = {"x": np.arange(9.0), "velocity_snapshots": np.ones((4, 9))}
+    with pytest.raises(ValueError, match=r"^density_snapshots: snapshot 0 is 0 at particle 0: all"):
+        pod.decompose(fields | {"density_snapshots": np.zeros((4, 9))})
+    with pytest.raises(ValueError, match=r"^snapshots: there are 0 snapshots: at least 1"):
+        pod.modes(np.zeros((0, 9)))
+
+
+def test_modes_are_the_same_to_the_last_bit_for_any_number_of_threads():
+    """Those of small singular values too."""
+    program = """if True:
+        import numpy as np, sys
+        from hashlib import sha256
+        from scenes import scene
+        from sphpod import lifted_rom, pod
+        case = scene(particle_count=400, force="1e-3*cos(9*t)")
+        x, t = case.positions, np.linspace(0, 1, 100)[:, None]
+        velocity = 1e-3*sum(np.sin(2*np.pi*n*(x - 0.3*t))/n**4 for n in range(1, 30))
+        taken = {"velocity_snapshots": velocity, "density_snapshots": 1/(1 + velocity)}
+        modes = lifted_rom.decompose(case, taken)
+        for array in (*pod.modes(velocity), *modes.values()):
+            print(sha256(array.tobytes()).hexdigest())
+    """
+    path = os.pathsep.join([os.getcwd(), os.path.dirname(__file__)])
+    printed = {
+        subprocess.run(
+            [sys.executable, "-c", program],
+            env=os.environ | {"OPENBLAS_NUM_THREADS": str(threads), "PYTHONPATH": path},
+            capture_output=True, text=True, check=True,
+        ).stdout
+        for threads in (1, 2)
+    }  # fmt: skip
+    assert len(printed) == 1

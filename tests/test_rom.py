@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from scenes import VARIED, scene
 
-from sphpod import error, pod, rom, snapshots, sph
+from sphpod import error, pod, rom, snapshots, sph, stability
 from sphpod.kernel import derivative, stencil_weights
 from sphpod.rom import ReducedModel
 from sphpod.stability import Breakdown
@@ -157,3 +159,103 @@ def test_a_model_that_breaks_down_is_told_of_and_does_not_stop_a_sweep():
 def test_unknown_methods_are_refused(method):
     with pytest.raises(ValueError, match="allowed are original, linearized and frozen1"):
         rom.freeze_steps(method)
+
+
+def orthonormal(rng, count, size):
+    """Random orthonormal rows, of which the first is nearly the initial density of a scene."""
+    rows = rng.standard_normal((count, size))
+    rows[0] = 1 + 0.05 * rows[0]
+    return np.linalg.qr(rows.T)[0].T
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    st.sampled_from(["original", "linearized", "frozen3"]),
+    st.sampled_from([{}, VARIED]),
+    st.integers(1, 12),
+    st.floats(-3, 2),
+    st.sampled_from([None, np.nan, np.inf, 1e308]),
+    st.integers(0, 2**32 - 1),
+)
+def test_breakdown_is_where_j_is_first_not_positive(method, changes, count, size, wrong, seed):
+    """By J of all particles at every output of any reduced solution; and the test is sufficient."""
+    case, rng = scene("crash", **changes), np.random.default_rng(seed)
+    modes = orthonormal(rng, count, 40)
+    model = ReducedModel(case, method, modes, modes)
+    moved = np.cumsum(rng.standard_normal((1500, count)), axis=0) / np.sqrt(1500 * count)
+    start = modes @ case.density0()
+    # From a start whose density may itself not be positive, if a few modes cannot hold it.
+    solution = start + 10**size * np.linalg.norm(start) * moved * (rng.random() < 0.9)
+    solution[0] = start
+    velocity = rng.standard_normal((1500, count))
+    if wrong is not None:
+        (velocity if wrong == np.inf else solution)[rng.integers(1500)] = wrong
+    suspected = []
+
+    def watched(limit, coordinates, shapes, rows):
+        suspected.extend(rows)
+        return stability.first_broken(limit, coordinates, shapes, rows)
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(rom, "first_broken", watched)
+        found = model._breakdown(velocity, solution, 2 * np.arange(1500))
+    with np.errstate(all="ignore"):
+        density = solution @ modes
+        jacobian = case.density0() / density
+    sound = np.isfinite(velocity).all(axis=1, keepdims=True) & np.isfinite(density) & (jacobian > 0)
+    broken = ~np.all(sound, axis=1)
+    if not broken.any():
+        assert found is None
+    else:
+        row = int(broken.argmax())
+        assert found is not None
+        assert found.time == pytest.approx(2 * row * case.time_step)
+        assert not sound[row, found.particle]
+        assert str(found).startswith(f"scene crash: the {method} model with {count} modes broke")
+    passed = np.setdiff1d(np.arange(1500), suspected)
+    whole = broken.argmax() if broken.any() else 1500
+    assert not broken[passed[passed < whole]].any()
+    # And the start passes.
+    if size < -2.5 and not broken[0]:
+        assert 0 in passed
+
+
+def test_a_density_that_starts_without_being_positive_broke_down_at_once():
+    """Noisy modes cannot hold the initial density, and nothing moves that a test could see."""
+    case = scene("crash")
+    modes = np.zeros((1, 40))
+    modes[0, :2] = np.sqrt(0.8), -np.sqrt(0.2)
+    still = np.tile(modes @ case.density0(), (3, 1))
+    found = ReducedModel(case, "original", modes, modes)._breakdown(still, still, np.arange(3))
+    assert found is not None
+    assert (found.time, found.particle) == (0, 1)
+
+
+@pytest.mark.parametrize("method", ["original", "linearized", "frozen10"])
+def test_nothing_is_reconstructed_where_the_test_passes(method, monkeypatch):
+    case = scene()
+    modes = snapshot_modes(case)
+    counts = []
+
+    def count(limit, coordinates, shapes, rows):
+        counts.append(rows.size)
+        return stability.first_broken(limit, None, None, rows)
+
+    monkeypatch.setattr(rom, "first_broken", count)
+    model = ReducedModel(case, method, modes["velocity_modes"][:5], modes["density_modes"][:5])
+    assert model.solve(case.error_steps)[2] is None
+    assert counts == [0]
+
+
+def test_more_modes_than_there_are_is_told_of(caplog):
+    case = scene()
+    modes = {field: rows[:6] for field, rows in snapshot_modes(case).items()}
+    modes["density_modes"] = modes["density_modes"][:5]
+    full = sph.solve(case, case.error_steps)
+    projections = {f: error.project(full[f], modes[f"{f}_modes"]) for f in ("velocity", "density")}
+    rom.sweep(case, "original", [5], modes, projections, projections)
+    assert not caplog.messages
+    rom.sweep(case, "original", [9], modes, projections, projections)
+    assert caplog.messages == [
+        "scene test: 9 modes asked for, the snapshots hold 6 of velocity and 5 of density"
+    ]
