@@ -592,7 +592,9 @@ def _resolved_stability(settings: dict[str, Any], known: dict[str, Any]) -> dict
     """Check what is asked of stability; studies are of the first sampled scene if none is named."""
     first = {name: next(iter(s["samplings"])) for name, s in known.items() if s["samplings"]}
     usual = dict(list(first.items())[:1])
-    stability = DEFAULT_STABILITY | dict.fromkeys(STABILITY_STUDIES, usual) | settings
+    stability: dict[str, Any] = (
+        DEFAULT_STABILITY | dict.fromkeys(STABILITY_STUDIES, usual) | settings
+    )
     for study in STABILITY_STUDIES:
         for name, sampling in stability[study].items():
             key = f"stability.{study}"

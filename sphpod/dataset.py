@@ -391,10 +391,10 @@ def write(
             variable: netCDF4.Variable = file.createVariable(
                 name, meaning.dtype, meaning.dims, fill_value=False
             )
-            attributes = {"units": meaning.units, "long_name": meaning.long_name}
+            texts = {"units": meaning.units, "long_name": meaning.long_name}
             if meaning.coordinates:
-                attributes["coordinates"] = meaning.coordinates
-            variable.setncatts({key: text for key, text in attributes.items() if text})
+                texts["coordinates"] = meaning.coordinates
+            variable.setncatts({key: text for key, text in texts.items() if text})
             variable[...] = np.asarray(values, object if meaning.dtype is str else meaning.dtype)
 
 

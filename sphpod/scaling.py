@@ -104,11 +104,11 @@ def _prepare(scene: Scene, name: str, modes: int) -> tuple[Run, int]:
     steps = max(2, int(WORK / 10 / count))
     kept = np.zeros((2, 2, count))
     if name == "lifted_full_stencil":
-        run = lifted.prepare(_for_steps(scene, steps), "explicit_euler")
+        full = lifted.prepare(_for_steps(scene, steps), "explicit_euler")
     else:
         kind = "lists" if name == "sph_neighbour_lists" else "stencil"
-        run = sph.prepare(scene, np.array([0, steps]), kind)
-    return lambda: run(*kept), steps
+        full = sph.prepare(scene, np.array([0, steps]), kind)
+    return lambda: full(*kept), steps
 
 
 def _jumps(scene, modes):

@@ -101,6 +101,7 @@ def prepare(
     dt = scene.time_step
     material = dt / density0, modulus, modulus * density0
     forces = dt * damping, dt * amplitude, profile
+    geometry: tuple[np.ndarray, ...]
     if neighbours == "lists":
         geometry = scene.neighbour_lists()
         march, ghosts = march_lists, 0

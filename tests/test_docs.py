@@ -33,7 +33,7 @@ README = DOCUMENTS["README.md"]
 EXAMPLE = "config/mine.yaml"
 """The file that docs/adding-a-scene.md lets the reader write."""
 
-UNITS = {"m s-1": "m/s", "kg m-3": "kg/m³", "kg0.5 s-1": "√(J/m²)"}
+UNITS = {"m s-1": "m/s", "kg m-3": "kg/m³", "kg0.5 s-1": "√(J/m²)", "s-1": "1/s"}
 """Units of datasets as the documents write them, where they differ."""
 
 
@@ -120,7 +120,7 @@ def notation() -> dict[str, dict[str, tuple[str, str]]]:
 
 def test_notation_has_every_variable_with_its_dimensions_and_unit(notation):
     stored = ["Solutions", "Errors", "Snapshots", "Modes", "Reduced models", "Lifted models"]
-    stored += ["CPU times", "Benchmarks"]
+    stored += ["CPU times", "Benchmarks", "Stability"]
     written = {name: entry for group in stored for name, entry in notation[group].items()}
     assert written == {
         name: (f"({', '.join(meaning.dims)})", UNITS.get(meaning.units, meaning.units))

@@ -8,7 +8,10 @@ if __name__ == "__main__":
     settings = dataset.settings(snakemake.input.pod)
     scene = Scene.from_settings(settings["scene"], settings)
     counts = list(snakemake.params.mode_counts)
-    modes, energy_modes = dataset.read(snakemake.input.pod), dataset.read(snakemake.input.lifted_pod)
+    modes, energy_modes = (
+        dataset.read(snakemake.input.pod),
+        dataset.read(snakemake.input.lifted_pod),
+    )
     dataset.write(
         snakemake.output[0],
         stability_map.of_modes(scene, counts, modes, energy_modes),

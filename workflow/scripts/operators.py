@@ -8,7 +8,10 @@ if __name__ == "__main__":
     settings = dataset.settings(snakemake.input.pod)
     scene = Scene.from_settings(settings["scene"], settings)
     counts = list(snakemake.params.mode_counts)
-    modes, energy_modes = dataset.read(snakemake.input.pod), dataset.read(snakemake.input.lifted_pod)
+    modes, energy_modes = (
+        dataset.read(snakemake.input.pod),
+        dataset.read(snakemake.input.lifted_pod),
+    )
     taken = dataset.read(snakemake.input.snapshots, "density_snapshots")["density_snapshots"]
     dataset.write(
         snakemake.output[0],
