@@ -39,6 +39,8 @@ DEFAULT_STABILITY = {
     "horizon_factors": [1, 10],
     "energy_horizon_factor": 100,
     "smoothing_ratios": [1.04, 1.06, 1.2],
+    "amplitude_count": 12,
+    "noise_levels": [1e-8, 1e-7, 1e-6, 1e-5, 1e-4, 1e-3, 1e-2, 1e-1],
     "scenes": {},
 }
 STABILITY_STUDIES = ("map", "amplitude", "snapshots")

@@ -151,6 +151,7 @@ rule amplitude:
         physics=physics,
         sampling=sampling_settings,
         mode_counts=stability_modes,
+        amplitude_count=CONFIG["stability"]["amplitude_count"],
         code=code("amplitude.py"),
     message:
         "{wildcards.scene}: all models until the line folds, snapshots {wildcards.sampling}"
@@ -169,6 +170,7 @@ rule poor_snapshots:
         "<logs>/{scene}/{sampling}/poor_snapshots.log",
     params:
         mode_counts=stability_modes,
+        noise_levels=CONFIG["stability"]["noise_levels"],
         code=code("poor_snapshots.py"),
     message:
         "{wildcards.scene}: models of poor snapshots, from {wildcards.sampling}"

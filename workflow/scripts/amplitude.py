@@ -11,7 +11,7 @@ if __name__ == "__main__":
     chosen = {"name": snakemake.wildcards.sampling, **sampling}
     dataset.write(
         snakemake.output[0],
-        amplitude.study(scene, sampling, count),
+        amplitude.study(scene, sampling, count, snakemake.params.amplitude_count),
         title=f"Models of {name} against its amplitude",
         settings={"scene": name, **physics, "sampling": chosen, "mode_counts": [count]},
         code=snakemake.params.code,
