@@ -138,8 +138,8 @@ def measure(
         measured_breakdown_time, the first of `OUTPUTS` times at which a Jacobian is not positive,
         NaN if never; each (horizons,). Full SPH steps the density, which compression alone cannot
         make negative as it can the linear strain, so it breaks down a few e-folds of the fastest
-        wave apart from what is predicted. conserving, energy_time_step (NaN if exact), energy_drift,
-        each (integrators,); energy_horizon.
+        wave apart from what is predicted. conserving; energy_time_step, NaN if exact; energy_drift;
+        each (integrators,). energy_horizon.
 
     Raises
     ------
