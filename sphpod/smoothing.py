@@ -1,9 +1,10 @@
 """Smoothing length: what α = h/Δx does to the derivative, the stable step, and the error.
 
-The SPH derivative of a smooth function is β f' + κ f''' Δx² + …, β and κ of α alone. A wave of
-wavenumber q is carried at β - κ (q Δx)² times its speed, so a run ends up as far out of phase as
-both leave it, and a β beside 1 does not go away with more particles. Between α = 1 and √6 - 1, where
-β is 1, an error of one sign may hide one of the other.
+The SPH derivative of a smooth function is β f' + κ f''' Δx² + …, with β and κ of α alone. So a wave
+of wavenumber q travels at β - κ (q Δx)² times its speed, and a β other than 1 is an error that more
+particles do not lessen. κ is positive; β is above 1 for 1 < α < √6 - 1, where both errors are of
+opposite sign: those waves travel right for which β - 1 = κ (q Δx)². The best α therefore hangs on
+how finely a scene is resolved, and nears one with β = 1 as particles grow many.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
