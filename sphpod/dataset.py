@@ -262,8 +262,8 @@ VARIABLES = _fields() | {
     "random_operator_size": Variable(
         ("basis",), "s-1", "2-norm of the lifted operator on random modes"
     ),
-    "paper_energy": Variable(("t",), "J m-2", "energy of the paper's model in random modes"),
-    "lifted_energy": Variable(("t",), "J m-2", "energy of the lifted model in the same modes"),
+    "paper_energy": Variable(("t",), "J m-2", "energy of the paper's reduced model"),
+    "lifted_energy": Variable(("t",), "J m-2", "energy of the lifted reduced model"),
     "example_growth_rate": Variable(
         (), "s-1", "largest real part of the paper's operator of these modes"
     ),
