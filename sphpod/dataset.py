@@ -239,8 +239,14 @@ VARIABLES = _fields() | {
     "euclidean_growth_rate": Variable(
         ("mode_count",), "s-1", "largest real part of the paper's reduced operator at rest"
     ),
+    "euclidean_rounding": Variable(
+        ("mode_count",), "s-1", "how far rounding may have moved that real part, to first order"
+    ),
     "frozen_growth_rate": Variable(
         ("mode_count",), "s-1", "the same with coefficients of the snapshots' densities, largest"
+    ),
+    "frozen_rounding": Variable(
+        ("mode_count",), "s-1", "how far rounding may have moved that one, to first order"
     ),
     "energy_growth_rate": Variable(
         ("mode_count",), "s-1", "largest real part of the lifted reduced operator"
@@ -256,6 +262,12 @@ VARIABLES = _fields() | {
     "random_operator_size": Variable(
         ("basis",), "s-1", "2-norm of the lifted operator on random modes"
     ),
+    "paper_energy": Variable(("t",), "J m-2", "energy of the paper's reduced model"),
+    "lifted_energy": Variable(("t",), "J m-2", "energy of the lifted reduced model"),
+    "example_growth_rate": Variable(
+        (), "s-1", "largest real part of the paper's operator of these modes"
+    ),
+    "example_time_step": Variable((), "s", "time step of explicit Euler of both models"),
     "smoothing_ratio": Variable(("smoothing_ratio",), "1", "smoothing length in spacings"),
     "derivative_coefficient": Variable(
         ("smoothing_ratio",), "1", "coefficient of the first derivative in that of SPH"
