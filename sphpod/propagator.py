@@ -135,7 +135,42 @@ def _jump(blocks, duration, euler_steps):
     if euler_steps:
         step = np.eye(blocks.shape[-1]) + duration / euler_steps * blocks
         return np.linalg.matrix_power(step, euler_steps)
-    return scipy.linalg.expm(duration * blocks)
+    if blocks.shape[-1] > 2:
+        return scipy.linalg.expm(duration * blocks)
+    return _exponential(blocks, duration)
+
+
+def _exponential(pairs, duration):
+    """exp(tM) of 2×2 matrices in closed form, (n, 2, 2).
+
+    With the mean μ of the eigenvalues and q = μ² - det M it is e^(μt) (C + S (M - μ)), where C and
+    S are cosh and sinh/√q of √q t; cos and sin/√-q if q is negative. The length of an oscillation
+    so keeps to the last digit through any number of turns, which scaling and squaring would not.
+    """
+    mean = (pairs[:, 0, 0] + pairs[:, 1, 1]) / 2
+    deviation = pairs.copy()
+    deviation[:, 0, 0] -= mean
+    deviation[:, 1, 1] -= mean
+    # q = μ² - det M, of which nothing cancels in M - μ.
+    q = deviation[:, 0, 0] ** 2 + pairs[:, 0, 1] * pairs[:, 1, 0]
+    root = np.sqrt(np.abs(q))
+    angle = root * duration
+    real = q > 0
+    # Of cosh and sinh the growing half, by the slower of the two rates; e^(μt) alone if they turn.
+    size = np.exp((mean + np.where(real, root, 0)) * duration)
+    fall = np.where(real, np.expm1(-2 * angle), 0)
+    even = np.where(real, 1 + fall / 2, np.cos(angle))
+    small = angle < 1e-8
+    odd = np.where(real, -fall / 2, np.sin(angle)) / np.where(small, 1, root)
+    odd = np.where(small, duration, odd)
+    result = size[:, None, None] * (
+        even[:, None, None] * np.eye(2) + odd[:, None, None] * deviation
+    )
+    # Coordinates that do not meet keep all digits of their decay.
+    apart = np.flatnonzero((pairs[:, 0, 1] == 0) & (pairs[:, 1, 0] == 0))
+    for n in (0, 1):
+        result[apart, n, n] = np.exp(duration * pairs[apart, n, n])
+    return result
 
 
 def _panels(amplitude, interval, intervals, euler_steps):

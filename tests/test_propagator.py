@@ -236,3 +236,25 @@ def test_jumps_can_be_run_again():
     for state in states:
         jumps.run(state, FORCES["slow"])
     np.testing.assert_array_equal(*states)
+
+
+def test_the_closed_exponential_is_that_of_matrices():
+    rng = np.random.default_rng(3)
+    pairs = rng.standard_normal((60, 2, 2))
+    # Oscillators below, at and above critical damping, at rest, and single coordinates.
+    for n, (omega, damping) in enumerate([(2, 0), (2, 3), (2, 4), (2, 5), (1e-9, 0), (0, 0)]):
+        pairs[n] = [[-damping, omega], [-omega, 0]]
+    pairs[10:20, 0, 1] = pairs[10:20, 1, 0] = pairs[10:20, 1, 1] = 0
+    for duration in (1e-3, 0.7, 5):
+        expected = expm(duration * pairs)
+        size = np.abs(expected).max(axis=(1, 2), keepdims=True)
+        found = propagator._exponential(pairs, duration)
+        np.testing.assert_allclose(found / size, expected / size, atol=2e-13)
+
+
+def test_an_oscillation_keeps_its_length_through_many_turns():
+    block = np.array([[[0.0, 131.7], [-131.7, 0.0]]])
+    jump = propagator._exponential(block, 1.0)[0]
+    assert np.linalg.norm(np.linalg.matrix_power(jump, 1000) @ [1, 0]) == pytest.approx(
+        1, abs=5e-13
+    )
