@@ -407,7 +407,7 @@ def rates(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
     count = scene.particle_count
     inertia, modulus = 1 / scene.density0(), scene.modulus()
     damping = scene.damping_values()
-    _, profile = scene.force_values(np.zeros(1))
+    course, (_, profile) = scene.force_time, scene.force_values(np.zeros(1))
     if scene.is_even:
         weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
         fields = np.empty((2, count + 2 * weights.size))
@@ -416,7 +416,7 @@ def rates(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
         matrix = operator(scene).multiply(scales / scales[:, None]).tocsr()
 
     def rate(t, state):
-        push = scene.force_time(t=np.array([t]))[0] * profile if profile.size else ABSENT
+        push = ABSENT if course is None else course(t=np.array([t]))[0] * profile
         if not scene.is_even:
             result = matrix @ state
             result[: push.size] += push

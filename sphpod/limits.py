@@ -16,10 +16,12 @@ from sphpod import lifted, lifted_rom, rom, sph
 from sphpod.expressions import Expression
 from sphpod.scene import Scene
 from sphpod.spectrum import (
+    ROUNDING,
     FullSpectrum,
     crossing,
     euler_growth_rates,
     euler_limits,
+    frequencies,
     neutral,
     splitting_limit,
     wave_rates,
@@ -43,14 +45,32 @@ GROWS = 1e-10
 ACCURACY = 1e-5
 """Relative accuracy of a measured time step."""
 
-STEPS = {"rk45": 50, "dop853": 50}
-"""Steps of a run; others take 1000, which are cheaper than these."""
+STEPS, PAIR_STEPS = 1000, 50
+"""Steps of a run, and of one of scipy's pairs, whose steps cost more."""
 
-JUMPS = 7
-"""Lengths of exact jumps that are tried, from the scene's step to a hundred times its duration."""
+JUMPS, LONGEST = 7, 100
+"""Exact jumps that are tried, from the scene's step to so many of its durations."""
+
+RESULTS = (
+    "contender_time_step",
+    "predicted_time_step",
+    "measured_time_step",
+    "predicted_growth_rate",
+    "measured_growth_rate",
+)
+
+MAPPED = ("explicit_euler", "leapfrog")
+"""Integrators of the map over damping."""
+
+MAP_RUN, REDUCED_MAP_RUN = (10, 400), (1, 2000)
+"""Steps from output to output, and outputs, of the runs of a map."""
 
 MODELS = ("original", "frozen10")
 """The paper's reduced models; the linearized one has the operator of the frozen ones."""
+
+
+quiet = np.errstate(over="ignore", invalid="ignore", divide="ignore")
+"""Runs that leave all bounds are expected here."""
 
 
 # --- Runs of the models ---------------------------------------------------------------------------
@@ -112,18 +132,19 @@ def march_galerkin(model: rom.ReducedModel) -> March:
     kv = len(model.velocity_modes)
     rest = model.density_modes @ model.scene.density0()
 
+    @quiet
     def states_of(start, time_step, stride, outputs):
         case = replace(model, scene=replace(unforced(model.scene), time_step=time_step))
         velocity = np.empty((outputs + 1, kv))
         density = np.empty((outputs + 1, rest.size))
         start = start[:kv], rest + start[kv:]
         case.prepare(np.arange(outputs + 1) * stride, start)(velocity, density)
-        with np.errstate(over="ignore", invalid="ignore"):
-            moved = np.linalg.norm(density - rest, axis=1)
+        moved = np.linalg.norm(density - rest, axis=1)
         beyond = ~(moved <= LINEAR * np.linalg.norm(rest))
         velocity[np.logical_or.accumulate(beyond)] = np.nan
         return np.concatenate([velocity, density - rest], axis=1)
 
+    @quiet
     def march(state, time_step, stride, outputs):
         seeded, still = (
             states_of(start, time_step, stride, outputs) for start in (state, 0 * state)
@@ -137,6 +158,7 @@ def march_lifted(model: lifted_rom.LiftedModel, method: str) -> March:
     """Runs of a lifted reduced model, in the coordinates of its modes (kv + ke,)."""
     own, scene = model.own, unforced(model.scene)
 
+    @quiet
     def march(state, time_step, stride, outputs):
         interval = stride * time_step
         case = replace(
@@ -159,6 +181,7 @@ def unforced(scene: Scene) -> Scene:
 # --- Growth of a run ------------------------------------------------------------------------------
 
 
+@quiet
 def growth(march: March, seed: np.ndarray, time_step: float, steps: int) -> float:
     """Logarithm of the growth of a seed's amplitude in a step; infinite if it left all bounds.
 
@@ -171,85 +194,106 @@ def growth(march: March, seed: np.ndarray, time_step: float, steps: int) -> floa
         Δt [s].
     steps : int
     """
-    ends = [
-        march(phase, time_step, steps, 1)[-1] for phase in (seed.real, seed.imag) if phase.any()
-    ]
-    with np.errstate(over="ignore", invalid="ignore"):
-        ratio = sum(end @ end for end in ends) / np.vdot(seed, seed).real
-    return float(np.log(ratio) / (2 * steps)) if np.isfinite(ratio) else np.inf
+    phases = [phase for phase in (seed.real, seed.imag) if phase.any()]
+    ends = np.array([march(phase, time_step, steps, 1)[-1] for phase in phases])
+    rate = np.log(np.sum(ends**2) / np.vdot(seed, seed).real) / (2 * steps)
+    return float(rate) if rate < np.inf else np.inf
 
 
+@quiet
 def late_growth(states: np.ndarray, stride: int) -> float:
     """Logarithm of the growth of the amplitude in a step, over the second half of a run.
 
-    Only outputs that are finite, and whose squares floating point holds, count.
+    Parameters
+    ----------
+    states : array, shape (outputs, size)
+        Of these, the first ones count that are finite and whose squares floating point holds.
+    stride : int
+        Steps from output to output.
     """
-    with np.errstate(over="ignore", invalid="ignore"):
-        energy = np.einsum("ts,ts->t", states, states)
-    held = (energy > 1e-280) & (energy < 1e280)
-    last = int(np.argmin(held)) - 1 if not held.all() else len(held) - 1
-    middle = last // 2
+    energy = np.einsum("ts,ts->t", states, states)
+    lost = ~((energy > 1e-280) & (energy < 1e280))
+    last = (int(np.argmax(lost)) if lost.any() else len(lost)) - 1
     if last < 1:
         return np.inf
+    middle = last // 2
     return float(np.log(energy[last] / energy[middle]) / (2 * stride * (last - middle)))
 
 
+@dataclass(frozen=True)
+class Contender:
+    """A model and an integrator: how they run, and what their spectrum says.
+
+    Attributes
+    ----------
+    name, integrator : str
+    mode_count : int
+        0 for a full model.
+    march : callable
+    seed : callable
+        Most restrictive mode at a time step, complex, (size,).
+    limit, growth_rate : float
+        Largest stable step [s]: infinite if there is none, 0 if no step is stable; and, for that
+        case, the growth rate at the scene's step [1/s].
+    fastest : float
+        Largest size of an eigenvalue [1/s].
+    """
+
+    name: str
+    integrator: str
+    mode_count: int
+    march: March
+    seed: Callable[[float], np.ndarray]
+    limit: float
+    growth_rate: float
+    fastest: float
+
+    def measure(self, scene: Scene) -> dict[str, Any]:
+        """Predictions beside measurements, by the names of their arrays."""
+        row: dict[str, Any] = dict.fromkeys(RESULTS, np.nan) | {
+            "contender": self.name,
+            "integrator": self.integrator,
+            "contender_mode_count": self.mode_count,
+        }
+        if self.limit > 0:
+            measured = self._longest_jump(scene) if np.isinf(self.limit) else self._time_step()
+            return row | {"predicted_time_step": self.limit, "measured_time_step": measured}
+        dt = scene.time_step
+        return row | {
+            "contender_time_step": dt,
+            "predicted_growth_rate": self.growth_rate,
+            "measured_growth_rate": growth(self.march, self.seed(dt), dt, self._steps) / dt,
+        }
+
+    @property
+    def _steps(self):
+        return PAIR_STEPS if self.integrator in lifted.ADAPTIVE else STEPS
+
+    def _time_step(self):
+        """Time step from which runs grow, NaN if all do; the search knows no prediction."""
+
+        def grows(time_step):
+            return growth(self.march, self.seed(time_step), time_step, self._steps) > GROWS
+
+        return crossing(grows, 1 / self.fastest, ACCURACY) or np.nan
+
+    def _longest_jump(self, scene):
+        """Shortest jump that grows, of all waves at random; infinite if none does."""
+        state = np.random.default_rng(0).standard_normal(self.seed(scene.time_step).size)
+        for length in np.geomspace(scene.time_step, LONGEST * scene.duration, JUMPS):
+            # The exponential's rounding is proportional to the angle that a wave turns by.
+            angle = max(1, self.fastest * length)
+            if growth(self.march, state, length, 1) > GROWS * angle:
+                return length
+        return np.inf
+
+
 def _small(seed, strain):
-    """The seed with a largest strain of SEED, or largest velocity if it strains nothing."""
+    """The seed with a largest strain of SEED, or entry if it strains nothing."""
     return seed * (SEED / (np.abs(strain).max(initial=0) or np.abs(seed).max()))
 
 
-def _measure(march, seed_at, predicted, steps):
-    """Time step from which runs grow [s], by bisection."""
-
-    def grows(time_step):
-        return growth(march, seed_at(time_step), time_step, steps) > GROWS
-
-    return crossing(grows, predicted, ACCURACY)
-
-
-def _measure_jumps(march, size, scene):
-    """Shortest exact jump that grows [s]; infinite if none does."""
-    seed = np.random.default_rng(0).standard_normal(size)
-    for length in np.geomspace(scene.time_step, 100 * scene.duration, JUMPS):
-        if growth(march, seed, length, 1) > GROWS:
-            return length
-    return np.inf
-
-
 # --- The study ------------------------------------------------------------------------------------
-
-
-@dataclass
-class _Table:
-    """Rows of the study, as they come."""
-
-    rows: list[dict[str, Any]]
-
-    def add(self, contender, integrator, count, march, limit, rate, seed_at, scene, steps):
-        """Measure what is predicted: the limit of the time step, or the rate where there is none.
-
-        ``rate`` is that at the scene's step, used where the limit is 0.
-        """
-        row = dict.fromkeys(
-            ("contender_time_step", "predicted_time_step", "measured_time_step",
-             "predicted_growth_rate", "measured_growth_rate"), np.nan,
-        )  # fmt: skip
-        row |= {"contender": contender, "integrator": integrator, "contender_mode_count": count}
-        if limit == np.inf:
-            row["predicted_time_step"] = limit
-            row["measured_time_step"] = _measure_jumps(march, seed_at(1.0).size, scene)
-        elif limit > 0:
-            row["predicted_time_step"] = limit
-            row["measured_time_step"] = _measure(march, seed_at, limit, steps) or np.nan
-        else:
-            dt = row["contender_time_step"] = scene.time_step
-            row["predicted_growth_rate"] = rate
-            row["measured_growth_rate"] = growth(march, seed_at(dt), dt, steps) / dt
-        self.rows.append(row)
-
-    def arrays(self) -> Arrays:
-        return {name: np.array([row[name] for row in self.rows]) for name in self.rows[0]}
 
 
 def full(scene: Scene) -> Arrays:
@@ -267,23 +311,29 @@ def full(scene: Scene) -> Arrays:
         step grows; there, predicted_growth_rate and measured_growth_rate [1/s] at
         contender_time_step [s], else NaN.
     """
-    spectrum, table = FullSpectrum(scene), _Table([])
+    spectrum = FullSpectrum(scene)
     _, stiffness = lifted.energy_weights(scene)
-    for contender, integrator in [
-        ("sph", "explicit_euler"), *(("lifted_full", name) for name in lifted.INTEGRATORS)
-    ]:  # fmt: skip
+
+    def contender(name, integrator):
         block = spectrum.critical(integrator)
 
-        def seed_at(time_step, block=block, integrator=integrator):
-            seed = block.fastest_growing(integrator, time_step)
-            return _small(seed, seed[scene.particle_count :] / stiffness)
+        def seed(time_step):
+            mode = block.fastest_growing(integrator, time_step)
+            return _small(mode, mode[scene.particle_count :] / stiffness)
 
-        table.add(
-            contender, integrator, 0, march_full(scene, integrator, contender == "sph"),
-            spectrum.limit(integrator), spectrum.growth_rate(scene.time_step), seed_at, scene,
-            STEPS.get(integrator, 1000),
-        )  # fmt: skip
-    return table.arrays()
+        return Contender(
+            name,
+            integrator,
+            0,
+            march_full(scene, integrator, paper=name == "sph"),
+            seed,
+            spectrum.limit(integrator),
+            spectrum.growth_rate(scene.time_step),
+            float(np.abs(spectrum.rates).max()),
+        )
+
+    pairs = [("sph", "explicit_euler"), *(("lifted_full", name) for name in lifted.INTEGRATORS)]
+    return _arrays([contender(*pair).measure(scene) for pair in pairs])
 
 
 def reduced(
@@ -309,28 +359,22 @@ def reduced(
     dict
         As that of `full`.
     """
-    table = _Table([])
+    results = []
     for count in mode_counts:
-        for contender in MODELS:
-            model = galerkin(scene, contender, modes, count)
-            rates, vectors = np.linalg.eig(model.operator())
-            kv = len(model.velocity_modes)
-            critical = _critical(rates, scene.time_step)
-            seed = vectors[:, critical]
-            moved = seed[kv:] @ model.density_modes / scene.density0()
-            _add_reduced(
-                table, scene, contender, count, march_galerkin(model), rates, critical,
-                _small(seed, moved),
-            )  # fmt: skip
-        lifted_model = lifted_rom.build(unforced(scene), energy_modes, count)
-        rates, vectors = np.linalg.eig(lifted_model.operator)
-        critical = _critical(rates, scene.time_step)
-        for contender in lifted_rom.METHODS:
-            _add_reduced(
-                table, scene, contender, count, march_lifted(lifted_model, contender), rates,
-                critical, vectors[:, critical],
-            )  # fmt: skip
-    return table.arrays()
+        for name in MODELS:
+            model = galerkin(scene, name, modes, count)
+            contender = _reduced(
+                scene, name, count, march_galerkin(model), model.operator(), blur(model)
+            )
+            seed, kv = contender.seed(scene.time_step), len(model.velocity_modes)
+            small = _small(seed, seed[kv:] @ model.density_modes / scene.density0())
+            results.append(replace(contender, seed=_constant(small)).measure(scene))
+        lifted_model = lifted_rom.build(scene, energy_modes, count)
+        for name in lifted_rom.METHODS:
+            march = march_lifted(lifted_model, name)
+            contender = _reduced(scene, name, count, march, lifted_model.operator)
+            results.append(contender.measure(scene))
+    return _arrays(results)
 
 
 def galerkin(
@@ -342,21 +386,46 @@ def galerkin(
     )
 
 
-def _critical(rates, time_step):
-    """The eigenvalue that limits explicit Euler's step, or that grows fastest if all steps do."""
-    limits = euler_limits(rates)
-    if limits.min() > 0:
-        return int(np.argmin(limits))
-    return int(np.argmax(euler_growth_rates(rates, time_step)))
+def blur(model: rom.ReducedModel) -> float:
+    """How well the eigenvalues of a nonlinear reduced model are known, of the largest.
+
+    The initial density projected on modes is no exact equilibrium. Around it the model's state, and
+    with it the coefficients of its linear form, move by what the projection leaves: an eigenvalue
+    smaller than that, such as that of a uniform change of density, is as good as zero.
+    """
+    density0 = model.scene.density0()
+    projected = model.density_modes.T @ (model.density_modes @ density0)
+    return max(ROUNDING, float(np.abs(projected / density0 - 1).max()))
 
 
-def _add_reduced(table, scene, contender, count, march, rates, critical, seed):
-    exact = contender == "lifted_exact"
-    table.add(
-        contender, "exact" if exact else "explicit_euler", count, march,
-        np.inf if exact else euler_limits(rates).min(),
-        euler_growth_rates(rates, scene.time_step)[critical], lambda _: seed, scene, 1000,
-    )  # fmt: skip
+def _reduced(scene, name, count, march, operator, blur=ROUNDING):
+    """Contender whose most restrictive mode is an eigenvector of its operator."""
+    rates, vectors = np.linalg.eig(operator)
+    limits = euler_limits(rates, blur)
+    critical, exact = int(np.argmin(limits)), name == "lifted_exact"
+    growth_rates = np.where(
+        neutral(rates, blur), -np.inf, euler_growth_rates(rates, scene.time_step)
+    )
+    if limits[critical] == 0:
+        critical = int(np.argmax(growth_rates))
+    return Contender(
+        name,
+        "exact" if exact else "explicit_euler",
+        count,
+        march,
+        _constant(vectors[:, critical]),
+        np.inf if exact else float(limits.min()),
+        float(growth_rates.max()),
+        float(np.abs(rates).max()),
+    )
+
+
+def _constant(seed):
+    return lambda _: seed
+
+
+def _arrays(results):
+    return {name: np.array([row[name] for row in results]) for name in results[0]}
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
@@ -384,3 +453,116 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
             "measured_limit": measured,
             "relative_difference": 0.0 if predicted == measured else measured / predicted - 1,
         }
+
+
+# --- Maps -----------------------------------------------------------------------------------------
+
+
+def damping_map(scene: Scene, size: int = 25) -> Arrays:
+    """Growth of the lifted full model over damping and time step, beside the predicted limit.
+
+    The scene's damping is replaced by uniform ones about the frequency ω of its fastest wave, up to
+    which damping helps explicit Euler and beyond which it hinders. All waves are seeded at random.
+
+    Parameters
+    ----------
+    scene : Scene
+    size : int
+        Dampings and time steps.
+
+    Returns
+    -------
+    dict
+        map_integrator (2,); map_damping (dampings,) [1/s], map_time_step (steps,) [s]; map_growth
+        (2, dampings, steps), the logarithm of the growth of the amplitude in a step; map_limit
+        (2, dampings) [s].
+    """
+    frequency = frequencies(scene)
+    fastest = frequency[0]
+    dampings = fastest * np.geomspace(1 / 50, 5, size)
+    time_steps = np.geomspace(0.01, 20, size) / fastest
+    growths = np.empty((len(MAPPED), size, size))
+    limits = np.empty((len(MAPPED), size))
+    state = np.random.default_rng(0).standard_normal(2 * scene.particle_count)
+    for m, damping in enumerate(dampings):
+        case = replace(scene, damping=Expression(repr(float(damping)), ("x",), {}))
+        limits[:, m] = (
+            euler_limits(wave_rates(frequency, damping)).min(),
+            splitting_limit(fastest, damping),
+        )
+        for n, integrator in enumerate(MAPPED):
+            march = march_full(case, integrator)
+            for t, time_step in enumerate(time_steps):
+                growths[n, m, t] = late_growth(march(state, time_step, *MAP_RUN), MAP_RUN[0])
+    return {
+        "map_integrator": np.array(MAPPED),
+        "map_damping": dampings,
+        "map_time_step": time_steps,
+        "map_growth": growths,
+        "map_limit": limits,
+    }
+
+
+def mode_map(
+    scene: Scene,
+    mode_counts: Iterable[int],
+    modes: Mapping[str, np.ndarray],
+    energy_modes: Mapping[str, np.ndarray],
+    size: int = 25,
+) -> Arrays:
+    """Growth of reduced models over mode count and time step, beside the predicted limit.
+
+    Without damping there is no limit (NaN): every step grows, by what the map tells.
+
+    Parameters
+    ----------
+    scene, mode_counts, modes, energy_modes
+        As in `reduced`.
+    size : int
+        Time steps.
+
+    Returns
+    -------
+    dict
+        contender (original, lifted_euler); mode_count (counts,); map_time_step (steps,) [s];
+        mode_growth (2, counts, steps), the logarithm of the growth of the amplitude in a step;
+        mode_limit (2, counts) [s].
+    """
+    counts, rng = list(mode_counts), np.random.default_rng(0)
+    marches, seeds = [], []
+    limits, fastest = np.empty((2, len(counts))), np.empty(len(counts))
+    for n, count in enumerate(counts):
+        original = galerkin(scene, "original", modes, count)
+        model = lifted_rom.build(scene, energy_modes, count)
+        marches.append((march_galerkin(original), march_lifted(model, "lifted_euler")))
+        sizes = len(original.velocity_modes), len(original.density_modes), len(model.operator)
+        # Coordinates of so small strains, and any of the linear model.
+        small = SEED * np.linalg.norm(scene.density0()) / np.sqrt(scene.particle_count)
+        seeds.append((
+            small * rng.standard_normal(sizes[0] + sizes[1]), rng.standard_normal(sizes[2])
+        ))  # fmt: skip
+        operators = original.operator(), model.operator
+        rates = [np.linalg.eigvals(operator) for operator in operators]
+        limits[:, n] = [
+            euler_limits(values, known).min()
+            for values, known in zip(rates, (blur(original), ROUNDING), strict=True)
+        ]
+        fastest[n] = np.abs(rates[1]).max()
+    limits[limits == 0] = np.nan
+    finite = limits[np.isfinite(limits)]
+    span = (finite.min() / 3, finite.max() * 3) if finite.size else (
+        0.01 / fastest.max(), 3 / fastest.min()
+    )  # fmt: skip
+    time_steps = np.geomspace(*span, size)
+    growths = np.empty((2, len(counts), size))
+    for n, (pair, starts) in enumerate(zip(marches, seeds, strict=True)):
+        for m, (march, state) in enumerate(zip(pair, starts, strict=True)):
+            for t, time_step in enumerate(time_steps):
+                growths[m, n, t] = late_growth(march(state, time_step, *REDUCED_MAP_RUN), 1)
+    return {
+        "contender": np.array(["original", "lifted_euler"]),
+        "mode_count": np.array(counts),
+        "map_time_step": time_steps,
+        "mode_growth": growths,
+        "mode_limit": limits,
+    }

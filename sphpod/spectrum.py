@@ -51,23 +51,31 @@ def wave_rates(frequency: np.ndarray, damping: float) -> np.ndarray:
 # --- Largest steps --------------------------------------------------------------------------------
 
 
-def neutral(rates: np.ndarray) -> np.ndarray:
-    """Which eigenvalues are zero to rounding: what belongs to them neither decays nor moves."""
+def neutral(rates: np.ndarray, blur: float = ROUNDING) -> np.ndarray:
+    """Which eigenvalues are zero as far as they are known: theirs neither decays nor moves.
+
+    Parameters
+    ----------
+    rates : complex array
+        λ [1/s].
+    blur : float
+        How well they are known, as a part of the largest.
+    """
     size = np.abs(rates)
-    return size <= ROUNDING * size.max(initial=0)
+    return size <= blur * size.max(initial=0)
 
 
-def euler_limits(rates: np.ndarray) -> np.ndarray:
+def euler_limits(rates: np.ndarray, blur: float = ROUNDING) -> np.ndarray:
     """Largest stable step of explicit Euler for each eigenvalue [s].
 
-    |1 + Δt λ| ≤ 1 is Δt ≤ -2 Re λ/|λ|²: d/ω² for an underdamped wave, 2/|λ| for a real rate. An
-    eigenvalue of zero sets no limit (infinity); one whose real part is not negative allows no step
-    (0), however small.
+    |1 + Δt λ| ≤ 1 is Δt ≤ -2 Re λ/|λ|²: d/ω² for an underdamped wave, 2/|λ| for a real rate. A
+    `neutral` eigenvalue sets no limit (infinity); one whose real part is not negative allows no
+    step (0), however small.
     """
-    decay = -rates.real
-    decays = decay > ROUNDING * np.abs(rates).max(initial=0)
-    size = np.where(neutral(rates), 1, np.abs(rates))
-    return np.where(neutral(rates), np.inf, np.where(decays, 2 * decay / size**2, 0))
+    still, size = neutral(rates, blur), np.abs(rates)
+    decays = rates.real < -ROUNDING * size.max(initial=0)
+    limits = -2 * rates.real / np.where(still, 1, size) ** 2
+    return np.where(still, np.inf, np.where(decays, limits, 0))
 
 
 def euler_growth_rates(rates: np.ndarray, time_step: float) -> np.ndarray:
