@@ -16,7 +16,6 @@ from sphpod import lifted, lifted_rom, rom, sph
 from sphpod.expressions import Expression
 from sphpod.scene import Scene
 from sphpod.spectrum import (
-    ROUNDING,
     FullSpectrum,
     crossing,
     euler_growth_rates,
@@ -33,11 +32,11 @@ March = Callable[[np.ndarray, float, int, int], np.ndarray]
 """``march(state, time_step, stride, outputs)``: states after every ``stride`` steps, the first one
 included, shape (outputs + 1, size)."""
 
-SEED = 1e-7
-"""Largest strain of a seed, whose square is lost in rounding."""
+SEED = 1e-5
+"""Largest strain of a seed, whose square is little beside 1."""
 
 LINEAR = 1e-2
-"""Relative change of a density within which a nonlinear model is taken for linear."""
+"""Largest strain of a nonlinear model's runs; beyond, growth may saturate."""
 
 GROWS = 1e-10
 """Logarithm of the amplitude's growth in a step that is more than the rounding of a seed."""
@@ -45,8 +44,9 @@ GROWS = 1e-10
 ACCURACY = 1e-5
 """Relative accuracy of a measured time step."""
 
-STEPS, PAIR_STEPS = 1000, 50
-"""Steps of a run, and of one of scipy's pairs, whose steps cost more."""
+STEPS, PAIR_STEPS, DRIFTING_STEPS = 1000, 50, 20
+"""Steps of a run; of one of scipy's pairs, whose steps cost more; and of the paper's reduced
+models, whose growth changes the more, the longer they drift from a rest that is no equilibrium."""
 
 JUMPS, LONGEST = 7, 100
 """Exact jumps that are tried, from the scene's step to so many of its durations."""
@@ -80,7 +80,7 @@ def march_full(scene: Scene, integrator: str, paper: bool = False) -> March:
     """Runs of the lifted full model in scaled fields (2N,), or of the paper's full SPH.
 
     The adaptive integrators are held to fixed steps, by an infinite tolerance. A force, which
-    changes no growth, is left out.
+    changes no growth, is left out. Where full SPH leaves the linear range it is not a number.
     """
     scene = unforced(scene)
     scales = np.concatenate(lifted.energy_weights(scene))
@@ -98,6 +98,7 @@ def march_full(scene: Scene, integrator: str, paper: bool = False) -> March:
             run = sph.prepare(case, np.arange(outputs + 1) * stride, start=start, watch=False)
             run(velocity, strain)
             strain = lifted.strain(scene, strain)
+            velocity[_beyond(strain)] = np.nan
         else:
             lifted.prepare(case, integrator, start=start, watch=False)(velocity, strain)
         return np.concatenate([velocity, strain], axis=1)
@@ -120,38 +121,48 @@ def march_full(scene: Scene, integrator: str, paper: bool = False) -> March:
         run = run_pair if integrator in lifted.ADAPTIVE else run_fixed
         return run(state / scales, time_step, stride, outputs) * scales
 
-    return march
+    return odd(march) if paper else march
 
 
 def march_galerkin(model: rom.ReducedModel) -> March:
     """Runs of a nonlinear reduced model about its state at rest, in its coordinates (kv + kρ,).
 
-    The initial density projected on modes is no exact equilibrium, so what a run without a seed
-    does is subtracted. Where either leaves the linear range it is not a number.
+    Where they leave the linear range they are not a number.
     """
     kv = len(model.velocity_modes)
     rest = model.density_modes @ model.scene.density0()
 
-    @quiet
-    def states_of(start, time_step, stride, outputs):
+    def march(state, time_step, stride, outputs):
         case = replace(model, scene=replace(unforced(model.scene), time_step=time_step))
         velocity = np.empty((outputs + 1, kv))
         density = np.empty((outputs + 1, rest.size))
-        start = start[:kv], rest + start[kv:]
+        start = state[:kv], rest + state[kv:]
         case.prepare(np.arange(outputs + 1) * stride, start)(velocity, density)
-        moved = np.linalg.norm(density - rest, axis=1)
-        beyond = ~(moved <= LINEAR * np.linalg.norm(rest))
-        velocity[np.logical_or.accumulate(beyond)] = np.nan
+        moved = (density - rest) @ model.density_modes / model.scene.density0()
+        velocity[_beyond(moved)] = np.nan
         return np.concatenate([velocity, density - rest], axis=1)
 
-    @quiet
-    def march(state, time_step, stride, outputs):
-        seeded, still = (
-            states_of(start, time_step, stride, outputs) for start in (state, 0 * state)
-        )
-        return seeded - still
+    return odd(march)
 
-    return march
+
+def _beyond(strain):
+    """Outputs (outputs, N) from the first on that has left the linear range."""
+    return np.logical_or.accumulate(~(np.abs(strain).max(axis=1) <= LINEAR))
+
+
+def odd(march: March) -> March:
+    """Half the difference of runs from a state and from its negative.
+
+    It is linear in the state but for third order, and free of what runs do by themselves: a rest
+    that is no exact equilibrium, as of an initial density projected on modes.
+    """
+
+    @quiet
+    def difference(*arguments):
+        state, *others = arguments
+        return (march(state, *others) - march(-state, *others)) / 2
+
+    return difference
 
 
 def march_lifted(model: lifted_rom.LiftedModel, method: str) -> March:
@@ -230,6 +241,8 @@ class Contender:
     mode_count : int
         0 for a full model.
     march : callable
+    steps : int
+        Steps of a run.
     seed : callable
         Most restrictive mode at a time step, complex, (size,).
     limit, growth_rate : float
@@ -243,6 +256,7 @@ class Contender:
     integrator: str
     mode_count: int
     march: March
+    steps: int
     seed: Callable[[float], np.ndarray]
     limit: float
     growth_rate: float
@@ -262,18 +276,14 @@ class Contender:
         return row | {
             "contender_time_step": dt,
             "predicted_growth_rate": self.growth_rate,
-            "measured_growth_rate": growth(self.march, self.seed(dt), dt, self._steps) / dt,
+            "measured_growth_rate": growth(self.march, self.seed(dt), dt, self.steps) / dt,
         }
-
-    @property
-    def _steps(self):
-        return PAIR_STEPS if self.integrator in lifted.ADAPTIVE else STEPS
 
     def _time_step(self):
         """Time step from which runs grow, NaN if all do; the search knows no prediction."""
 
         def grows(time_step):
-            return growth(self.march, self.seed(time_step), time_step, self._steps) > GROWS
+            return growth(self.march, self.seed(time_step), time_step, self.steps) > GROWS
 
         return crossing(grows, 1 / self.fastest, ACCURACY) or np.nan
 
@@ -288,9 +298,10 @@ class Contender:
         return np.inf
 
 
-def _small(seed, strain):
-    """The seed with a largest strain of SEED, or entry if it strains nothing."""
-    return seed * (SEED / (np.abs(strain).max(initial=0) or np.abs(seed).max()))
+def _small(scene, seed, velocity, strain):
+    """The seed with a largest strain, or velocity over that of waves, of SEED."""
+    speed = np.sqrt(scene.modulus() / scene.density0())
+    return seed * (SEED / np.maximum(np.abs(velocity) / speed, np.abs(strain)).max())
 
 
 # --- The study ------------------------------------------------------------------------------------
@@ -312,20 +323,21 @@ def full(scene: Scene) -> Arrays:
         contender_time_step [s], else NaN.
     """
     spectrum = FullSpectrum(scene)
-    _, stiffness = lifted.energy_weights(scene)
+    scales = np.concatenate(lifted.energy_weights(scene))
 
     def contender(name, integrator):
         block = spectrum.critical(integrator)
 
         def seed(time_step):
             mode = block.fastest_growing(integrator, time_step)
-            return _small(mode, mode[scene.particle_count :] / stiffness)
+            return _small(scene, mode, *np.split(mode / scales, 2))
 
         return Contender(
             name,
             integrator,
             0,
             march_full(scene, integrator, paper=name == "sph"),
+            PAIR_STEPS if integrator in lifted.ADAPTIVE else STEPS,
             seed,
             spectrum.limit(integrator),
             spectrum.growth_rate(scene.time_step),
@@ -357,23 +369,23 @@ def reduced(
     Returns
     -------
     dict
-        As that of `full`.
+        As that of `full`. A model that carries no wave has no row.
     """
-    results = []
+    results, dt = [], scene.time_step
     for count in mode_counts:
         for name in MODELS:
             model = galerkin(scene, name, modes, count)
-            contender = _reduced(
-                scene, name, count, march_galerkin(model), model.operator(), blur(model)
-            )
-            seed, kv = contender.seed(scene.time_step), len(model.velocity_modes)
-            small = _small(seed, seed[kv:] @ model.density_modes / scene.density0())
-            results.append(replace(contender, seed=_constant(small)).measure(scene))
+            march, operator = march_galerkin(model), model.operator()
+            for contender in _reduced(name, count, march, operator, dt, blur(model)):
+                seed, kv = contender.seed(dt), len(model.velocity_modes)
+                velocity = seed[:kv] @ model.velocity_modes
+                strain = seed[kv:] @ model.density_modes / scene.density0()
+                small = _constant(_small(scene, seed, velocity, strain))
+                results.append(replace(contender, seed=small).measure(scene))
         lifted_model = lifted_rom.build(scene, energy_modes, count)
         for name in lifted_rom.METHODS:
-            march = march_lifted(lifted_model, name)
-            contender = _reduced(scene, name, count, march, lifted_model.operator)
-            results.append(contender.measure(scene))
+            march, operator = march_lifted(lifted_model, name), lifted_model.operator
+            results += [c.measure(scene) for c in _reduced(name, count, march, operator, dt)]
     return _arrays(results)
 
 
@@ -387,32 +399,35 @@ def galerkin(
 
 
 def blur(model: rom.ReducedModel) -> float:
-    """How well the eigenvalues of a nonlinear reduced model are known, of the largest.
+    """How well the eigenvalues of a nonlinear reduced model are known [1/s].
 
     The initial density projected on modes is no exact equilibrium. Around it the model's state, and
-    with it the coefficients of its linear form, move by what the projection leaves: an eigenvalue
-    smaller than that, such as that of a uniform change of density, is as good as zero.
+    with it the coefficients of its linear form, move by what the projection leaves, of the rate at
+    which waves strain the velocity modes. An eigenvalue smaller than that, such as that of a
+    uniform change of density, is as good as zero.
     """
-    density0 = model.scene.density0()
+    scene, density0 = model.scene, model.scene.density0()
     projected = model.density_modes.T @ (model.density_modes @ density0)
-    return max(ROUNDING, float(np.abs(projected / density0 - 1).max()))
+    speed = np.sqrt(scene.modulus() / density0).max()
+    straining = speed * np.linalg.norm(scene.derivative(model.velocity_modes), 2)
+    return float(np.abs(projected / density0 - 1).max() * straining)
 
 
-def _reduced(scene, name, count, march, operator, blur=ROUNDING):
-    """Contender whose most restrictive mode is an eigenvector of its operator."""
+def _reduced(name, count, march, operator, time_step, blur=0.0):
+    """Contenders whose most restrictive mode is an eigenvector of an operator; none without one."""
     rates, vectors = np.linalg.eig(operator)
-    limits = euler_limits(rates, blur)
-    critical, exact = int(np.argmin(limits)), name == "lifted_exact"
-    growth_rates = np.where(
-        neutral(rates, blur), -np.inf, euler_growth_rates(rates, scene.time_step)
-    )
-    if limits[critical] == 0:
-        critical = int(np.argmax(growth_rates))
-    return Contender(
+    limits, still = euler_limits(rates, blur), neutral(rates, blur)
+    growth_rates = np.where(still, -np.inf, euler_growth_rates(rates, time_step))
+    critical = int(np.argmax(growth_rates) if limits.min() == 0 else np.argmin(limits))
+    exact = name == "lifted_exact"
+    if still.all() and not exact:
+        return
+    yield Contender(
         name,
         "exact" if exact else "explicit_euler",
         count,
         march,
+        DRIFTING_STEPS if name in MODELS else STEPS,
         _constant(vectors[:, critical]),
         np.inf if exact else float(limits.min()),
         float(growth_rates.max()),
@@ -545,7 +560,7 @@ def mode_map(
         rates = [np.linalg.eigvals(operator) for operator in operators]
         limits[:, n] = [
             euler_limits(values, known).min()
-            for values, known in zip(rates, (blur(original), ROUNDING), strict=True)
+            for values, known in zip(rates, (blur(original), 0.0), strict=True)
         ]
         fastest[n] = np.abs(rates[1]).max()
     limits[limits == 0] = np.nan

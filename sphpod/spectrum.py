@@ -51,7 +51,7 @@ def wave_rates(frequency: np.ndarray, damping: float) -> np.ndarray:
 # --- Largest steps --------------------------------------------------------------------------------
 
 
-def neutral(rates: np.ndarray, blur: float = ROUNDING) -> np.ndarray:
+def neutral(rates: np.ndarray, blur: float = 0.0) -> np.ndarray:
     """Which eigenvalues are zero as far as they are known: theirs neither decays nor moves.
 
     Parameters
@@ -59,13 +59,13 @@ def neutral(rates: np.ndarray, blur: float = ROUNDING) -> np.ndarray:
     rates : complex array
         λ [1/s].
     blur : float
-        How well they are known, as a part of the largest.
+        How well they are known, beside rounding [1/s].
     """
     size = np.abs(rates)
-    return size <= blur * size.max(initial=0)
+    return size <= max(blur, ROUNDING * size.max(initial=0))
 
 
-def euler_limits(rates: np.ndarray, blur: float = ROUNDING) -> np.ndarray:
+def euler_limits(rates: np.ndarray, blur: float = 0.0) -> np.ndarray:
     """Largest stable step of explicit Euler for each eigenvalue [s].
 
     |1 + Δt λ| ≤ 1 is Δt ≤ -2 Re λ/|λ|²: d/ω² for an underdamped wave, 2/|λ| for a real rate. A
