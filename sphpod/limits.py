@@ -544,36 +544,32 @@ def mode_map(
         mode_limit (2, counts) [s].
     """
     counts, rng = list(mode_counts), np.random.default_rng(0)
-    marches, seeds = [], []
     limits, fastest = np.empty((2, len(counts))), np.empty(len(counts))
+    runs = {}
+    # Coordinates of small strains.
+    small = SEED * np.linalg.norm(scene.density0()) / np.sqrt(scene.particle_count)
     for n, count in enumerate(counts):
         original = galerkin(scene, "original", modes, count)
         model = lifted_rom.build(scene, energy_modes, count)
-        marches.append((march_galerkin(original), march_lifted(model, "lifted_euler")))
-        sizes = len(original.velocity_modes), len(original.density_modes), len(model.operator)
-        # Coordinates of so small strains, and any of the linear model.
-        small = SEED * np.linalg.norm(scene.density0()) / np.sqrt(scene.particle_count)
-        seeds.append((
-            small * rng.standard_normal(sizes[0] + sizes[1]), rng.standard_normal(sizes[2])
-        ))  # fmt: skip
-        operators = original.operator(), model.operator
-        rates = [np.linalg.eigvals(operator) for operator in operators]
-        limits[:, n] = [
-            euler_limits(values, known).min()
-            for values, known in zip(rates, (blur(original), 0.0), strict=True)
-        ]
-        fastest[n] = np.abs(rates[1]).max()
-    limits[limits == 0] = np.nan
+        models = (
+            (original.operator(), march_galerkin(original), small, blur(original)),
+            (model.operator, march_lifted(model, "lifted_euler"), 1.0, 0.0),
+        )
+        for m, (operator, march, size_of_seed, known) in enumerate(models):
+            rates = np.linalg.eigvals(operator)
+            limits[m, n] = euler_limits(rates, known).min() or np.nan
+            fastest[n] = np.abs(rates).max()
+            runs[m, n] = march, size_of_seed * rng.standard_normal(len(operator))
     finite = limits[np.isfinite(limits)]
-    span = (finite.min() / 3, finite.max() * 3) if finite.size else (
-        0.01 / fastest.max(), 3 / fastest.min()
-    )  # fmt: skip
+    if finite.size:
+        span = finite.min() / 3, finite.max() * 3
+    else:
+        span = 0.01 / fastest.max(), 3 / fastest.min()
     time_steps = np.geomspace(*span, size)
     growths = np.empty((2, len(counts), size))
-    for n, (pair, starts) in enumerate(zip(marches, seeds, strict=True)):
-        for m, (march, state) in enumerate(zip(pair, starts, strict=True)):
-            for t, time_step in enumerate(time_steps):
-                growths[m, n, t] = late_growth(march(state, time_step, *REDUCED_MAP_RUN), 1)
+    for at, (march, state) in runs.items():
+        for t, time_step in enumerate(time_steps):
+            growths[(*at, t)] = late_growth(march(state, time_step, *REDUCED_MAP_RUN), 1)
     return {
         "contender": np.array(["original", "lifted_euler"]),
         "mode_count": np.array(counts),

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scenes import VARIED, scene
 
@@ -49,9 +49,17 @@ def fits_dataset(arrays, path):
 
 
 @settings(deadline=None, max_examples=8)
-@given(st.data())
-def test_full_models_grow_from_the_predicted_step_on(data):
-    rng = np.random.default_rng(data.draw(st.integers(0, 2**32 - 1)))
+@given(
+    seed=st.integers(0, 2**32 - 1),
+    count=st.integers(7, 14),
+    ratio=st.sampled_from([0.9, 1.04, 1.7]),
+    damped=st.sampled_from(["not", "evenly", "unevenly"]),
+    jitter=st.sampled_from([0, 0.2]),
+)
+# Beyond the limit of this one, full SPH saturates before it breaks down.
+@example(seed=3, count=8, ratio=0.9, damped="evenly", jitter=0)
+def test_full_models_grow_from_the_predicted_step_on(seed, count, ratio, damped, jitter):
+    rng = np.random.default_rng(seed)
 
     def profile(size, depth):
         wave, shift = rng.integers(1, 4), rng.uniform(0, 6)
@@ -59,12 +67,12 @@ def test_full_models_grow_from_the_predicted_step_on(data):
 
     size = rng.uniform(0.1, 30)
     case = scene(
-        particle_count=data.draw(st.integers(7, 14)),
-        smoothing_ratio=data.draw(st.sampled_from([0.9, 1.04, 1.7])),
+        particle_count=count,
+        smoothing_ratio=ratio,
         initial_density=profile(rng.uniform(0.5, 2), 0.6),
         youngs_modulus=profile(rng.uniform(0.05, 0.5), 0.6),
-        damping=data.draw(st.sampled_from([0, size, profile(size, 0.8)])),
-        positions={"jitter": data.draw(st.sampled_from([0, 0.2])), "seed": 1},
+        damping={"not": 0, "evenly": size, "unevenly": profile(size, 0.8)}[damped],
+        positions={"jitter": jitter, "seed": 1},
     )
     np.testing.assert_allclose(differences(limits.full(case)), 0, atol=1e-3)
 
