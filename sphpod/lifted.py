@@ -190,7 +190,7 @@ def _fixed_step(scene, integrator, dt, begin, watch):
     keep, gain = np.ones_like(density0), np.full_like(density0, dt)
     if damping.size:
         keep = 1 - dt * damping if explicit else np.exp(-dt * damping)
-        gain = gain if explicit else _kick(damping, dt)
+        gain = gain if explicit else kick_time(damping, dt)
     inertia, push = gain / density0, gain * profile if profile.size else ABSENT
     weights, geometry = ABSENT, NO_LISTS
     if scene.is_even:
@@ -226,8 +226,8 @@ def _fixed_step(scene, integrator, dt, begin, watch):
     return run
 
 
-def _kick(damping, dt):
-    """(1 - exp(-d Δt))/d, the time that a constant force acts through while it is damped."""
+def kick_time(damping, dt):
+    """(1 - exp(-d Δt))/d, the time that a constant force acts through while it is damped [s]."""
     return np.where(damping > 0, -np.expm1(-damping * dt) / np.where(damping > 0, damping, 1), dt)
 
 
@@ -403,19 +403,18 @@ def _watched(velocity, strain):
 # --- Adaptive steps -------------------------------------------------------------------------------
 
 
-def _adaptive(scene, integrator, tolerance, begin, watch):
-    from scipy.integrate import solve_ivp
+def rates(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
+    """Right-hand side of the model as scipy's solvers take it.
 
-    count, times = scene.particle_count, scene.error_times
+    Returns
+    -------
+    callable
+        ``rate(t, state)``: rates of change of velocity and strain, one behind the other, (2N,).
+    """
+    count = scene.particle_count
     inertia, modulus = 1 / scene.density0(), scene.modulus()
     damping = scene.damping_values()
-    start = np.concatenate(begin)
-    # Strain and velocity over the speed of sound are alike in size.
-    speed = np.sqrt(modulus * inertia)
-    amplitude, profile = scene.force_values(times)
-    pushed = np.abs(amplitude).max(initial=0) * np.abs(profile).max(initial=0) * times[-1]
-    size = np.abs(start * np.concatenate([np.ones(count), speed])).max() + pushed or 1.0
-    absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
+    course, (_, profile) = scene.force_time, scene.force_values(np.zeros(1))
     if scene.is_even:
         weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
         fields = np.empty((2, count + 2 * weights.size))
@@ -424,14 +423,30 @@ def _adaptive(scene, integrator, tolerance, begin, watch):
         matrix = operator(scene).multiply(scales / scales[:, None]).tocsr()
 
     def rate(t, state):
-        push = scene.force_time(t=np.array([t]))[0] * profile if profile.size else ABSENT
+        push = ABSENT if course is None else course(t=np.array([t]))[0] * profile
         if not scene.is_even:
-            rates = matrix @ state
-            rates[: push.size] += push
-            return rates
-        rates = np.empty_like(state)
-        rates_of(state, fields, weights, inertia, modulus, damping, push, rates)
-        return rates
+            result = matrix @ state
+            result[: push.size] += push
+            return result
+        result = np.empty_like(state)
+        rates_of(state, fields, weights, inertia, modulus, damping, push, result)
+        return result
+
+    return rate
+
+
+def _adaptive(scene, integrator, tolerance, begin, watch):
+    from scipy.integrate import solve_ivp
+
+    count, times = scene.particle_count, scene.error_times
+    start = np.concatenate(begin)
+    # Strain and velocity over the speed of sound are alike in size.
+    speed = np.sqrt(scene.modulus() / scene.density0())
+    amplitude, profile = scene.force_values(times)
+    pushed = np.abs(amplitude).max(initial=0) * np.abs(profile).max(initial=0) * times[-1]
+    size = np.abs(start * np.concatenate([np.ones(count), speed])).max() + pushed or 1.0
+    absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
+    rate = rates(scene)
 
     def run(velocity, strain):
         result = solve_ivp(
