@@ -396,6 +396,10 @@ def _resolved_scene(name: str, settings: dict[str, Any]) -> dict[str, Any]:
     }
     for sampling, study in scene["acceleration"].items():
         key = f"acceleration.{sampling}"
+        if not physics.is_even:
+            raise _refusal(
+                name, key, study, "CPU times are compared for evenly spaced particles only"
+            )
         if sampling not in scene["samplings"]:
             raise _refusal(name, key, study, _known("sampling", scene["samplings"]))
         for count in study["mode_counts"]:
@@ -531,6 +535,10 @@ def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) ->
             f"{key}.position",
             figure["position"],
             f"it must be at least 0 and below L = {scene['domain_length']}",
+        )
+    if kind == "initial_spectrum" and not scenes.Scene.from_settings(name, scene).is_even:
+        raise _refusal(
+            name, f"{key}.kind", kind, "a spectrum is drawn of evenly spaced particles only"
         )
     parts = [name, kind] if sampling is None else [name, sampling, kind]
     of_what = name if sampling is None else f"{name}, snapshots {sampling}"

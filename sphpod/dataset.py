@@ -329,6 +329,7 @@ def write(
     title: str,
     settings: Mapping[str, Any],
     code: str,
+    attributes: Mapping[str, float] | None = None,
 ) -> None:
     """Write `arrays` to a NetCDF file, whole or not at all.
 
@@ -344,6 +345,8 @@ def write(
         The resolved settings it comes from: plain JSON types.
     code
         Digest of the code that computed it (`provenance.digest`).
+    attributes
+        More that is told of the file as a whole: numbers by name.
 
     Raises
     ------
@@ -372,6 +375,7 @@ def write(
                 "source": f"sphpod {__version__}, code {code}",
                 "references": PAPER,
                 "settings": json.dumps(settings, sort_keys=True, allow_nan=False),
+                **(attributes or {}),
             }
         )
         for dim, size in sizes.items():

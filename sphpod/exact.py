@@ -9,7 +9,8 @@ and periodic in x. Three kinds of scene have a solution in closed form:
 ``dalembert``
     Uniform ρ0 and c, no damping, uniform force or none: two travelling waves.
 ``fourier``
-    Uniform ρ0, c and d, any force: every Fourier mode is a damped oscillator. The wave fronts are
+    Uniform ρ0, c and d, any force, and evenly spaced particles, to which Fourier series are
+    summed fast: every Fourier mode is a damped oscillator. The wave fronts are
     carried as two decaying travelling waves; what remains is smoother than v0 by one derivative,
     and only that is a Fourier series, cut where `TRUNCATION` allows.
 ``two_layer``
@@ -60,7 +61,8 @@ def kind(scene: Scene) -> str | None:
     if _uniform(density) and _uniform(modulus):
         if simple:
             return "dalembert"
-        return "fourier" if not damping.size or _uniform(damping) else None
+        uniform = not damping.size or _uniform(damping)
+        return "fourier" if uniform and scene.is_even else None
     return "two_layer" if simple and _jumps(density, modulus) is not None else None
 
 
@@ -214,9 +216,12 @@ def _travelling_waves(scene, blocks, beta=1.0):
 def _shifted_profile(scene):
     """Make a function of shifts (times,) that gives v0 at all x_i + shift, (times, N).
 
-    The particles are evenly spaced, so one shift moves each into its own cell of width Δx at the
-    same place of the cell.
+    One shift moves each of evenly spaced particles into its own cell of width Δx at the same place
+    of the cell.
     """
+    if not scene.is_even:
+        x, length = scene.positions, scene.domain_length
+        return lambda shift: scene.initial_velocity(x=(x + shift[:, None]) % length)
     count, width = scene.particle_count, scene.spacing
     profile = _cellwise(lambda x: scene.initial_velocity(x=x), width, count, order=16)
 

@@ -1,4 +1,4 @@
-"""Where the scripts of the workflow report to: their log file, and one sentence on the terminal."""
+"""Where the scripts of the workflow report to: their log file, and a sentence on the terminal."""
 
 import logging
 import os
@@ -10,7 +10,8 @@ from types import TracebackType
 def start(path: str | os.PathLike[str]) -> None:
     """Log to a file from now on, an exception that nobody catches too.
 
-    Such an exception is then told on the terminal in one sentence, without its traceback.
+    Such an exception is then told on the terminal in one sentence, without its traceback; and so
+    is what this package warns of.
     """
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     logging.basicConfig(
@@ -20,6 +21,9 @@ def start(path: str | os.PathLike[str]) -> None:
         format="%(levelname)s %(name)s: %(message)s",
     )
     logging.captureWarnings(True)
+    told = logging.StreamHandler(sys.stderr)
+    told.setLevel(logging.WARNING)
+    logging.getLogger(__package__).addHandler(told)
     sys.excepthook = _report
 
 

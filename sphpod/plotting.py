@@ -136,7 +136,11 @@ def _draw_damper(axes: Axes, place: float, top: float) -> None:
 
 
 @styled
-def profile(solution: Arrays, fields: Sequence[str] = ("initial_velocity", "velocity")) -> Figure:
+def profile(
+    solution: Arrays,
+    fields: Sequence[str] = ("initial_velocity", "velocity"),
+    length: float | None = None,
+) -> Figure:
     """Draw the initial velocity and space-time pictures of a solution (figures 3.1, 3.18, ...).
 
     Parameters
@@ -146,6 +150,8 @@ def profile(solution: Arrays, fields: Sequence[str] = ("initial_velocity", "velo
         `density` [kg/m³], both of shape (t, x).
     fields
         A panel each, from left to right: `initial_velocity`, `velocity` or `density_change`.
+    length
+        Length of the periodic domain [m]; needed where particles are not evenly spaced.
 
     Raises
     ------
@@ -153,20 +159,21 @@ def profile(solution: Arrays, fields: Sequence[str] = ("initial_velocity", "velo
         A field is none of the three.
     """
     shown = _shown(len(solution["t"]))
+    length = length or _length(solution["x"])
     figure = Figure(figsize=(PAGE_WIDTH, 2.25), layout="constrained")
     for axes, field in zip(figure.subplots(1, len(fields), squeeze=False)[0], fields, strict=True):
         if field == "initial_velocity":
-            _draw_profile(axes, solution["x"], solution["velocity"][0])
+            _draw_profile(axes, solution["x"], solution["velocity"][0], length)
         elif field == "velocity":
-            _draw_picture(axes, solution, solution["velocity"][shown], "velocity v", "m/s")
+            _draw_picture(axes, solution, solution["velocity"][shown], "velocity v", "m/s", length)
         elif field == "density_change":
             change = solution["density"][shown] - solution["density"][0]
-            _draw_picture(axes, solution, change, "density ρ − ρ₀", "kg/m³")
+            _draw_picture(axes, solution, change, "density ρ − ρ₀", "kg/m³", length)
         else:
             raise ValueError(
                 f"a profile shows initial_velocity, velocity or density_change, not {field!r}"
             )
-        axes.set(xlim=(0, _length(solution["x"])), xlabel="position x [m]")
+        axes.set(xlim=(0, length), xlabel="position x [m]")
     return figure
 
 
@@ -176,7 +183,7 @@ def _shown(count: int, most: int = 601) -> np.ndarray:
 
 
 def _length(x: np.ndarray) -> float:
-    """Length of the periodic domain with particles at x [m]."""
+    """Length of the periodic domain with evenly spaced particles at x [m]."""
     return float(x[-1] + x[1] - 2 * x[0])
 
 
@@ -204,17 +211,23 @@ def _tick(value: float, short: bool) -> str:
     return shortened(value) if short else _power_of_ten(round(np.log10(value)))
 
 
-def _draw_profile(axes: Axes, x: np.ndarray, velocity: np.ndarray) -> None:
+def _draw_profile(axes: Axes, x: np.ndarray, velocity: np.ndarray, length: float) -> None:
     factor, unit = _unit(velocity, "m/s")
     axes.axhline(0, color=GREY, linewidth=0.6)
     # The point at L is the one at 0.
-    axes.plot(np.append(x, _length(x)), factor * np.append(velocity, velocity[0]), color=BLUE)
+    axes.plot(np.append(x, length), factor * np.append(velocity, velocity[0]), color=BLUE)
     axes.set_ylabel(f"initial velocity v₀ [{unit}]")
     axes.yaxis.set_major_locator(MaxNLocator(6, steps=(1, 2, 5, 10)))
 
 
-def _draw_picture(axes: Axes, solution: Arrays, values: np.ndarray, name: str, unit: str) -> None:
+def _draw_picture(
+    axes: Axes, solution: Arrays, values: np.ndarray, name: str, unit: str, length: float
+) -> None:
     factor, unit = _unit(values, unit)
+    x = solution["x"]
+    even = np.arange(len(x)) * (length / len(x))
+    if not np.allclose(x, even, rtol=0, atol=1e-9 * length):
+        values = np.array([np.interp(even, x, row, period=length) for row in values])
     values = factor * np.column_stack((values, values[:, 0]))
     amplitude = np.abs(values).max(axis=1)
     limit = amplitude.max() or 1.0
@@ -223,7 +236,7 @@ def _draw_picture(axes: Axes, solution: Arrays, values: np.ndarray, name: str, u
     fading = typical < 0.1 * limit
     linear = max(typical / 2, limit / 1000)
     norm = AsinhNorm(linear, -limit, limit) if fading else Normalize(-limit, limit)
-    half_cell = (solution["x"][1] - solution["x"][0]) / 2
+    half_cell = length / len(x) / 2
     duration = solution["t"][-1]
     half_step = duration / (len(values) - 1) / 2
     picture = axes.imshow(
@@ -233,7 +246,7 @@ def _draw_picture(axes: Axes, solution: Arrays, values: np.ndarray, name: str, u
         interpolation_stage="data",  # at most 256 colours: a third of the bytes
         extent=(
             -half_cell,
-            _length(solution["x"]) + half_cell,
+            length + half_cell,
             -half_step,
             duration + half_step,
         ),
@@ -254,7 +267,7 @@ def _draw_picture(axes: Axes, solution: Arrays, values: np.ndarray, name: str, u
 
 
 @styled
-def modes(pod: Arrays, count: int = 12) -> Figure:
+def modes(pod: Arrays, count: int = 12, length: float | None = None) -> Figure:
     """Draw the first modes of velocity and of density as small multiples (figures 3.2, 3.4, ...).
 
     Above each panel stand its number and its singular value relative to the first; modes at
@@ -267,6 +280,8 @@ def modes(pod: Arrays, count: int = 12) -> Figure:
         `velocity_singular_values`, `density_singular_values`.
     count
         Number of modes shown of each, or all there are.
+    length
+        Length of the periodic domain [m]; needed where particles are not evenly spaced.
     """
     counts = [min(count, len(pod[f"{field}_modes"])) for field in FIELDS]
     columns = max(counts) if max(counts) <= 5 else 4
@@ -288,7 +303,7 @@ def modes(pod: Arrays, count: int = 12) -> Figure:
             wspace=0.08,
             hspace=0.55,
         )
-        _draw_modes(figure, grid, pod, field, number)
+        _draw_modes(figure, grid, pod, field, number, length or _length(pod["x"]))
         middle = (left + PAGE_WIDTH - right) / 2 / PAGE_WIDTH
         figure.text(middle, (floor - 0.33) / height, "position x [m]", ha="center")
         level = (floor + ceiling - 0.28) / 2 / height
@@ -297,13 +312,14 @@ def modes(pod: Arrays, count: int = 12) -> Figure:
     return figure
 
 
-def _draw_modes(figure: Figure, grid: GridSpec, pod: Arrays, field: str, number: int) -> None:
+def _draw_modes(
+    figure: Figure, grid: GridSpec, pod: Arrays, field: str, number: int, length: float
+) -> None:
     x, shapes = pod["x"], pod[f"{field}_modes"][:number]
     relative = pod[f"{field}_singular_values"][:number] / pod[f"{field}_singular_values"][0]
     # Noise may stick out, so that it does not flatten the modes that matter.
     limit = 1.12 * min(np.abs(shapes).max(), 1.5 * np.abs(shapes[relative >= ROUNDING]).max())
     colour = {"velocity": BLUE, "density": VERMILLION}[field]
-    length = _length(x)
     for index, (shape, weight) in enumerate(zip(shapes, relative, strict=True)):
         row, column = divmod(index, grid.ncols)
         axes = figure.add_subplot(grid[row, column], xlim=(0, length), ylim=(-limit, limit))

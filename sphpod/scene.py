@@ -282,6 +282,15 @@ def check(scene: Scene) -> None:
             f"the kernel's support of 4h wraps round the domain of {count} particles; "
             f"at most {((count - 1) // 2 + 1) / 2:g} is possible",
         )
+    if not 0 <= scene.jitter < 0.5:
+        refuse("positions.jitter", f"{scene.jitter:g}", "it must be from 0 to below 0.5 spacings")
+    if not scene.is_even and 4 * scene.smoothing_ratio > count:
+        refuse(
+            "smoothing_ratio",
+            f"{scene.smoothing_ratio:g}",
+            f"of jittered particles the kernel's support of 4h must fit into the domain; "
+            f"at most {count / 4:g} is possible",
+        )
     fine = np.arange(8 * count) * (scene.spacing / 8)
     _check_values(scene, "initial_velocity", scene.initial_velocity(x=fine), fine, refuse)
     for key in ("initial_density", "youngs_modulus"):

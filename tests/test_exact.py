@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scenes import scene as small_scene
 
 from sphpod import exact
 from sphpod.kernel import derivative_coefficient
@@ -457,3 +458,17 @@ def test_a_layer_thinner_than_a_particle():
     velocity, _ = fields(thin)
     uniform, _ = fields(make_scene(youngs_modulus=1 / (0.998 / 0.3 + 0.002 / 0.1)))
     assert np.abs(velocity - uniform).max() < 0.02 * np.abs(uniform).max()
+
+
+@pytest.mark.parametrize(
+    "material", [{}, {"youngs_modulus": "where(x < L/2, 0.1, 0.2)"}], ids=["uniform", "layers"]
+)
+def test_jittered_particles_see_the_waves_where_they_are(material):
+    """Beside those of many even particles, between which the solution is all but linear."""
+    jittered = small_scene(**material, positions={"jitter": 0.45, "seed": 1})
+    fine = small_scene(**material, particle_count=2000, time_step=1e-3)
+    found, truth = exact.solve(jittered), exact.solve(fine)
+    for row in (0, 37, 100):
+        expected = np.interp(jittered.positions, fine.positions, truth["velocity"][row], period=1)
+        np.testing.assert_allclose(found["velocity"][row], expected, atol=1e-4 * 1e-3)
+    assert exact.kind(small_scene(damping=1, positions={"jitter": 0.1})) is None

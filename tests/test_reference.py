@@ -65,3 +65,13 @@ def test_breakdown_names_scene_time_and_particle():
     case = scene("crash", initial_velocity="5*sin(2*pi*x/L)")
     with pytest.raises(Breakdown, match=r"scene crash: the finite-difference reference broke down"):
         reference.solve_paper(case)
+
+
+@pytest.mark.parametrize("changes", [{}, {"force": "1e-3*cos(9*t)"}], ids=["waves", "forced"])
+def test_jittered_particles_are_reached_by_splines(changes):
+    """With an error of fourth order, that of the differences themselves is of second."""
+    jitter = {"positions": {"jitter": 0.4, "seed": 2}}
+    even = errors(reference.solve_centred, "velocity", (20, 40), **changes)
+    found = errors(reference.solve_centred, "velocity", (20, 40), **changes, **jitter)
+    assert found[0] < 3 * even[0]
+    assert found[1] < 1.1 * even[1]

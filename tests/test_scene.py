@@ -1,11 +1,14 @@
 """Scenes, and what theory says of them before a run."""
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scenes import VARIED, scene
 
+from sphpod import lifted, sph, stability
 from sphpod import scene as scenes
-from sphpod import sph, stability
 
 
 def test_particles_steps_and_errors():
@@ -84,6 +87,14 @@ def test_damping_beyond_its_limit_grows():
 
 
 REFUSED = {
+    "jitter": (
+        {"positions": {"jitter": 0.5}},
+        "positions.jitter = 0.5: it must be from 0",
+    ),
+    "jittered wrap": (
+        {"positions": {"jitter": 0.1}, "particle_count": 5, "smoothing_ratio": 1.3},
+        "smoothing_ratio = 1.3: of jittered particles .* at most 1.25 is possible",
+    ),
     "particle_count": ({"particle_count": 4}, "particle_count = 4: at least 5"),
     "time_step": ({"time_step": 0}, "time_step = 0: it must be a positive"),
     "duration": ({"duration": 1.0005}, "duration = 1.0005: it must be a whole number of time"),
@@ -121,3 +132,69 @@ def test_a_refused_step_is_told_the_factor_and_the_largest_that_would_do():
 def test_sound_scenes_pass():
     for changes in ({}, VARIED, {"smoothing_ratio": 10}, {"particle_count": 5}):
         scenes.check(scene(**changes))
+
+
+JITTER = {"positions": {"jitter": 0.3, "seed": 5}}
+
+
+@pytest.mark.parametrize("changes", [JITTER, VARIED | JITTER, {"smoothing_ratio": 1.7} | JITTER])
+def test_fastest_wave_bounds_the_spectrum_of_jittered_particles(changes):
+    case = scene(**changes)
+    largest = np.linalg.norm(lifted.operator(replace(case, damping=None)).toarray(), 2)
+    assert largest <= stability.fastest_wave(case) <= 2 * largest
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {},
+        {"initial_velocity": "1e-5*sin(26*pi*x/L)"},
+        {"initial_velocity": "1e-5*where(x < 0.3, 1, 0)"},
+        {key: VARIED[key] for key in ("initial_density", "youngs_modulus")},
+        JITTER,
+    ],
+    ids=["waves", "fast wave", "jump", "uneven", "jittered"],
+)
+def test_energy_growth_is_what_full_sph_does(changes):
+    """Undamped, without the spectrum, to what the density form differs from the linear one."""
+    case = scene(**changes, duration=10, time_step=2e-3, error_interval=10)
+    result = sph.solve(case, np.array([0, case.step_count]))
+    mass, stiffness = lifted.energy_weights(case)
+    strain = lifted.strain(case, result["density"])
+    energy = np.sum((mass * result["velocity"]) ** 2 + (stiffness * strain) ** 2, axis=1)
+    assert stability.energy_growth(case) == pytest.approx(energy[1] / energy[0], rel=1e-3)
+
+
+def test_nothing_that_moves_does_not_grow():
+    assert stability.energy_growth(scene(initial_velocity=0)) == 1
+    # A uniform force moves all particles alike.
+    assert stability.energy_growth(scene(initial_velocity=0, force="sin(t)")) == pytest.approx(1)
+
+
+def test_growth_of_the_solution_is_told_with_what_avoids_it(caplog):
+    case = scene("waves", duration=10, time_step=2e-3)
+    told = stability.foretell(case)
+    assert told["energy_growth"] > 1.01
+    assert told["fastest_wave_growth"] == stability.growth_factor(case)
+    (record,) = caplog.records
+    assert re.fullmatch(
+        r"scene waves: time_step = 0.002: .* grow by [\d.]+ % over 10 s, .*leapfrog and .*"
+        r" up to ([\d.]+) s",
+        record.getMessage(),
+    )
+    step = float(record.getMessage().split()[-2])
+    assert step * stability.fastest_wave(case) <= 2
+    caplog.clear()
+    stability.foretell(scene(duration=10, time_step=1e-5))
+    assert not caplog.records
+
+
+def test_jittered_particles_fill_the_domain():
+    case = scene(**JITTER)
+    gaps = np.diff(case.positions, append=1.0)
+    assert case.positions[0] == 0
+    assert gaps.min() > 0.4 * case.spacing
+    assert np.ptp(gaps) > 0.4 * case.spacing
+    assert case.volumes.sum() == pytest.approx(1)
+    np.testing.assert_allclose(case.volumes, (gaps + np.roll(gaps, 1)) / 2)
+    assert scene(positions={"jitter": 0}).positions.tolist() == scene().positions.tolist()

@@ -179,6 +179,8 @@ def figure_options(wildcards):
     """Arguments of the plotting function of a figure that are not inputs."""
     figure = ALL_FIGURES[wildcards.name]
     options = {key: figure[key] for key in ("fields", "position") if key in figure}
+    if figure["kind"] in ("profile", "modes") and "positions" in SCENES[figure["scene"]]:
+        options["length"] = SCENES[figure["scene"]]["domain_length"]
     if figure["kind"] in ("error", "acceleration"):
         options["reference"] = SCENES[figure["scene"]]["references"][0]
     if figure["kind"] == "phase":
