@@ -9,11 +9,11 @@ over.
 
 import multiprocessing
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
 from dataclasses import replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -29,6 +29,8 @@ SMALLEST = 1e-10
 
 INTERVALS = 10
 """Outputs after the start, at most, at which fields are compared."""
+
+Result = TypeVar("Result")
 
 THREAD_SETTINGS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
@@ -50,9 +52,9 @@ def compare(scene: Scene, taken: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
     """
     cores = available_cores()
     threads = max(2, len(cores))
-    many = compute_on(threads, cores, scene, taken)
-    single = compute_on(1, cores, scene, taken)
-    lonely = compute_on(threads, cores[:1], scene, taken) if cores else None
+    work = compute, scene, dict(taken)
+    many, single = run_on(threads, cores, *work), run_on(1, cores, *work)
+    lonely = run_on(threads, cores[:1], *work) if cores else None
     return {
         "quantity": np.array(list(many)),
         "thread_difference": np.array([_difference(many[name], single[name]) for name in many]),
@@ -114,14 +116,12 @@ def compute(scene: Scene, taken: Mapping[str, np.ndarray]) -> dict[str, list[np.
     return results
 
 
-def compute_on(
-    threads: int, cores: list[int], scene: Scene, taken: Mapping[str, np.ndarray]
-) -> dict[str, list[np.ndarray]]:
-    """`compute` in a process with so many BLAS threads, on these cores; on any if none is given."""
+def run_on(threads: int, cores: list[int], function: Callable[..., Result], *given: Any) -> Result:
+    """A function's result in a process with so many BLAS threads, on these cores if any are."""
     with _settings(threads, cores):
         context = multiprocessing.get_context("spawn")
         with ProcessPoolExecutor(1, context) as pool:
-            return pool.submit(compute, scene, dict(taken)).result()
+            return pool.submit(function, *given).result()
 
 
 def available_cores() -> list[int]:
