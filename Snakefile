@@ -5,6 +5,7 @@ snakemake --cores 2 --configfile config/small.yaml      another configuration in
 snakemake --cores 2 results/damped/uniform12/pod.nc     one result, and the ancestors it lacks
 snakemake --cores 2 lifted                              lifted models: thresholds, certified errors
 snakemake --cores 2 benchmarks                          run time against error of every method
+snakemake --cores 2 stability                           where every method is stable, and what breaks it
 """
 
 
@@ -13,6 +14,7 @@ include: "workflow/rules/solve.smk"
 include: "workflow/rules/reduce.smk"
 include: "workflow/rules/lift.smk"
 include: "workflow/rules/benchmark.smk"
+include: "workflow/rules/stability.smk"
 include: "workflow/rules/report.smk"
 
 
@@ -45,3 +47,9 @@ rule benchmarks:
         expand("<figures>/{name}.{form}", name=BENCHMARK_FIGURES, form=["pdf", "png"]),
         "<results>/cpu_time.csv" if studies("benchmark.nc") else [],
         "<results>/skipping.csv" if of_step_scene("skipping.nc") else [],
+
+
+rule stability:
+    input:
+        expand("<figures>/{name}.{form}", name=STABILITY_FIGURES, form=["pdf", "png"]),
+        [f"<results>/{table}.csv" for table, datasets in STABILITY.items() if datasets],

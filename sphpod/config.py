@@ -33,6 +33,17 @@ DEFAULT_BENCHMARK = {
     "mode_counts": [2, 4, 8, 12, 16, 24, 32],
 }
 
+DEFAULT_STABILITY = {
+    "mode_counts": [4, 8, 12],
+    "random_bases": 10_000,
+    "horizon_factors": [1, 10],
+    "energy_horizon_factor": 100,
+    "smoothing_ratios": [1.04, 1.06, 1.2],
+    "scenes": {},
+}
+STABILITY_STUDIES = ("map", "amplitude", "snapshots")
+"""Studies of one sampling of a scene, each for the scenes that it names."""
+
 LARGEST_COUNTS = {"time_step": 10**9, "error_interval": 10**6}
 """How often a key may fit in the duration, so that a slip of the pen does not fill the memory."""
 
@@ -76,7 +87,7 @@ def load(
     Returns
     -------
     The resolved settings, of plain JSON types: ``output`` ("" if there is none), ``scenes``,
-    ``illustrations``, ``claims`` and ``benchmark``. Every scene has ``section``,
+    ``illustrations``, ``claims``, ``benchmark`` and ``stability``. Every scene has ``section``,
     ``error_interval``, ``references``, ``samplings`` (each with ``mode_counts`` as text),
     ``acceleration`` and ``figures`` (each with ``name`` and ``caption``); damping, force and
     interface stay away where a scene has none.
@@ -100,6 +111,7 @@ def load(
         "claims": settings.get("claims", []),
         "benchmark": DEFAULT_BENCHMARK | settings.get("benchmark", {}),
     }
+    resolved["stability"] = _resolved_stability(settings.get("stability", {}), resolved["scenes"])
     _check_figure_names(resolved)
     _check_benchmark(resolved)
     return resolved
@@ -574,6 +586,44 @@ def _check_benchmark(config: dict[str, Any]) -> None:
             most,
             f"it must be below the {particles} particles of {step_scene}",
         )
+
+
+def _resolved_stability(settings: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+    """Check what is asked of stability; studies are of the first sampled scene if none is named."""
+    first = {name: next(iter(s["samplings"])) for name, s in known.items() if s["samplings"]}
+    usual = dict(list(first.items())[:1])
+    stability = DEFAULT_STABILITY | dict.fromkeys(STABILITY_STUDIES, usual) | settings
+    for study in STABILITY_STUDIES:
+        for name, sampling in stability[study].items():
+            key = f"stability.{study}"
+            if name not in known:
+                raise _refusal(None, key, name, f"no such scene; allowed are {', '.join(known)}")
+            if sampling not in known[name]["samplings"]:
+                allowed = _known("sampling", known[name]["samplings"])
+                raise _refusal(None, f"{key}.{name}", sampling, allowed)
+    stability["scenes"] = {
+        name: _edge_scene(name, scene, known) for name, scene in stability["scenes"].items()
+    }
+    return stability
+
+
+def _edge_scene(name: str, settings: dict[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
+    """A scene at the edge, which explicit Euler need not be able to step."""
+    key = f"stability.scenes.{name}"
+    if name in others:
+        raise _refusal(None, key, "...", "this name is taken by a scene; every one needs its own")
+    for given, value in settings.items():
+        if given not in scenes.PHYSICS_KEYS:
+            allowed = ", ".join(scenes.PHYSICS_KEYS)
+            raise _refusal(
+                None, f"{key}.{given}", value, f"only what the solution depends on, {allowed}"
+            )
+    scene = {"error_interval": settings["duration"] / DEFAULT_ERROR_SAMPLES, **settings}
+    try:
+        scenes.check_setting(scenes.Scene.from_settings(name, scene))
+    except ValueError as error:
+        raise ConfigError(str(error)) from error
+    return scene
 
 
 def _check_figure_names(config: dict[str, Any]) -> None:

@@ -126,19 +126,24 @@ def prepare(
 
 
 @compiled
-def keep(v, rho, watch, velocity, density):
-    """Copy the state, without ghosts, into a row of what is kept; first broken value, or -1."""
+def keep(v, rho, stress, softest, watch, velocity, density):
+    """Copy the state, without ghosts, into a row of what is kept; first broken value, or -1.
+
+    Where the stress is smaller than the smallest modulus, ``softest``, J = 1 - stress/c is above
+    zero and below two: one comparison a particle, which is usually enough. Zero times a velocity
+    that is not finite is not finite either.
+    """
     if not watch:
         for i in range(rho.size):
             velocity[i] = v[i]
             density[i] = rho[i]
         return -1
-    broken = 0
+    doubtful = 0
     for i in range(rho.size):
         velocity[i] = v[i]
         density[i] = rho[i]
-        broken += not (rho[i] > 0 and rho[i] < np.inf and abs(v[i]) < np.inf)
-    if broken:
+        doubtful += not abs(stress[i] + 0.0 * v[i]) < softest
+    if doubtful:
         for i in range(rho.size):
             if not (rho[i] > 0 and rho[i] < np.inf and abs(v[i]) < np.inf):
                 return i
@@ -229,6 +234,7 @@ def march_stencil(
     width = weights.size
     inner = slice(width, width + rho.size)
     acted = forces[0].size > 0 or forces[1].size > 0
+    softest = material[1].min()
     done = first_step
     for row in range(steps.size):
         for step in range(done, steps[row]):
@@ -245,7 +251,9 @@ def march_stencil(
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
         done = steps[row]
-        failed = keep(v[inner], rho, watch, velocity[row], density[row])
+        failed = keep(
+            v[inner], rho, stress[inner], softest, watch, velocity[row], density[row]
+        )  # fmt: skip
         if failed >= 0:
             return row * rho.size + failed
     return -1
@@ -278,6 +286,7 @@ def march_lists(
     """Any arrangement of particles. ``state`` holds velocity and stress, old and new."""
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
     acted = forces[0].size > 0 or forces[1].size > 0
+    softest = material[1].min()
     done = first_step
     for row in range(steps.size):
         for step in range(done, steps[row]):
@@ -287,7 +296,7 @@ def march_lists(
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
         done = steps[row]
-        failed = keep(v, rho, watch, velocity[row], density[row])
+        failed = keep(v, rho, stress, softest, watch, velocity[row], density[row])
         if failed >= 0:
             return row * rho.size + failed
     return -1

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sphpod import claims, exact, paper, provenance, snapshots
+from sphpod import claims, exact, growth, paper, provenance, snapshots
 from sphpod.config import ConfigError, check_modes, load, parse_modes, parse_tolerance, usual_sweep
 from sphpod.kernel import derivative_coefficient
 from sphpod.scene import PHYSICS_KEYS, Scene
@@ -64,7 +64,31 @@ if "step_scene" in CONFIG["benchmark"]:
         "section": "benchmarks",
         "caption": "Time and memory of a step against particles and modes, full and reduced models.",
     }
-ALL_FIGURES = FIGURES | BENCHMARK_FIGURES
+STABILITY_FIGURES = {
+    f"stability_{kind}": {"kind": kind, "section": "stability", "caption": caption}
+    for kind, caption in {
+        "limits": "Stable time steps by the spectrum, held against those from which runs grow.",
+        "growth": "Growth of the energy under explicit Euler, foretold and measured; energies kept.",
+        "operators": "Largest real parts of reduced operators, and a run of a model that grows.",
+        "smoothing": "What the smoothing length changes: consistency, stability and errors.",
+    }.items()
+}
+STABILITY_FIGURES |= {
+    f"stability_{study}_{name}_{sampling}": {
+        "kind": kind,
+        "scene": name,
+        "sampling": sampling,
+        "section": "stability",
+        "caption": f"{caption}: {name}, snapshots {sampling}.",
+    }
+    for study, kind, caption in (
+        ("map", "stability_map", "Growth of full and reduced models, measured, and the predicted boundary"),
+        ("amplitude", "amplitude", "Errors of reduced models until the line folds"),
+        ("snapshots", "noise", "Errors and their bounds with poor snapshots"),
+    )
+    for name, sampling in CONFIG["stability"][study].items()
+}
+ALL_FIGURES = FIGURES | BENCHMARK_FIGURES | STABILITY_FIGURES
 
 
 pathvars:
@@ -136,6 +160,54 @@ def of_step_scene(file):
     return [f"<results>/{scene}/{file}"] if scene else []
 
 
+def stability_studies(study, file):
+    """A file of every scene and sampling that a study of stability is made of."""
+    samplings = CONFIG["stability"][study]
+    return {
+        f"{name}__{sampling}": f"<results>/{name}/{sampling}/{file}"
+        for name, sampling in samplings.items()
+    }
+
+
+def of_scenes(file, wanted=lambda scene: True):
+    """A file of every scene that is wanted, by its name."""
+    return {name: f"<results>/{name}/{file}" for name in SCENES if wanted(physical(name))}
+
+
+def of_samplings(file, every=True):
+    """A file of every sampling, or of the first of every scene."""
+    return {
+        f"{name}__{sampling}": f"<results>/{name}/{sampling}/{file}"
+        for name in sampled_scenes()
+        for sampling in list(SCENES[name]["samplings"])[: None if every else 1]
+    }
+
+
+def physical(name):
+    return Scene.from_settings(name, SCENES[name])
+
+
+def truth(scene):
+    """What the error of full SPH is told against: the exact solution where it is known."""
+    kind = "exact" if exact.kind(physical(scene)) else "centred"
+    return f"<results>/{scene}/reference_{kind}.nc"
+
+
+# Datasets of each table of stability, by the name under which a figure of them all takes each.
+STABILITY = {
+    "stability": of_scenes("time_steps.nc") | of_samplings("time_steps.nc", every=False),
+    "growth": of_scenes("growth.nc", growth.applies),
+    "operators": of_samplings("operators.nc")
+    | {f"random__{name}": path for name, path in of_scenes("random_bases.nc").items()},
+    "smoothing": of_scenes("smoothing.nc"),
+    "amplitude": stability_studies("amplitude", "amplitude.nc"),
+    "poor_snapshots": stability_studies("snapshots", "poor_snapshots.nc"),
+    "machine": stability_studies("snapshots", "machine.nc"),
+    "detection": of_scenes("detection.nc", lambda scene: scene.is_even),
+    "edge_scenes": {name: f"<results>/{name}/edge_scene.nc" for name in CONFIG["stability"]["scenes"]},
+}
+
+
 # What a rule passes to its script ------------------------------------------------------------------
 
 
@@ -164,6 +236,16 @@ def snapshot_steps(wildcards):
     scene = Scene.from_settings(wildcards.scene, physics(wildcards))
     steps = snapshots.output_steps(scene, SCENES[wildcards.scene]["samplings"].values())
     return np.setdiff1d(steps, scene.error_steps).tolist()
+
+
+def all_modes(wildcards):
+    return parse_modes(usual_sweep(SCENES[wildcards.scene], wildcards.sampling))
+
+
+def stability_modes(wildcards):
+    """Mode counts that are studied, those that the sampling gives; the largest if it gives none."""
+    most = all_modes(wildcards)[-1]
+    return [k for k in CONFIG["stability"]["mode_counts"] if k <= most] or [most]
 
 
 def paper_study(wildcards):
@@ -229,6 +311,25 @@ def known_benchmark(wildcards):
     if exact.kind(scene) != "dalembert" or scene.force_time is not None:
         stop(f"scene = {wildcards.scene}: this needs one without damping, force or layers")
     return []
+
+
+def known_undamped(wildcards):
+    """Of which theory tells the growth wave by wave."""
+    scene = known_scene(wildcards) or physical(wildcards.scene)
+    if not growth.applies(scene):
+        stop(f"scene = {wildcards.scene}: this needs one without damping and force")
+    return []
+
+
+def known_even(wildcards):
+    scene = known_scene(wildcards) or physical(wildcards.scene)
+    if not scene.is_even:
+        stop(f"scene = {wildcards.scene}: this needs one with evenly spaced particles")
+    return []
+
+
+def known_edge_scene(wildcards):
+    return known("scene at the edge", wildcards.scene, CONFIG["stability"]["scenes"])
 
 
 def known_reduced_model(wildcards):
@@ -298,6 +399,19 @@ def figure_inputs(wildcards):
             return {"benchmark": f"{of_sampling}/benchmark.nc"}
         case "scaling":
             return {"scaling": f"{of_scene}/scaling.nc"}
+        case "limits":
+            return STABILITY["stability"]
+        case "growth" | "operators" | "smoothing":
+            return STABILITY[figure["kind"]]
+        case "stability_map":
+            return {
+                "damping": f"{of_scene}/stability_map.nc",
+                "modes": f"{of_sampling}/stability_map.nc",
+            }
+        case "amplitude":
+            return {"amplitude": f"{of_sampling}/amplitude.nc"}
+        case "noise":
+            return {"snapshots": f"{of_sampling}/poor_snapshots.nc"}
     return {}
 
 

@@ -1,0 +1,18 @@
+"""Strike a scene harder and harder, until it folds, with all models."""
+
+from sphpod import amplitude, dataset, log
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    name, physics = snakemake.wildcards.scene, snakemake.params.physics
+    scene = Scene.from_settings(name, physics)
+    sampling, count = snakemake.params.sampling, max(snakemake.params.mode_counts)
+    chosen = {"name": snakemake.wildcards.sampling, **sampling}
+    dataset.write(
+        snakemake.output[0],
+        amplitude.study(scene, sampling, count),
+        title=f"Models of {name} against its amplitude",
+        settings={"scene": name, **physics, "sampling": chosen, "mode_counts": [count]},
+        code=snakemake.params.code,
+    )

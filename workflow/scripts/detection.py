@@ -1,0 +1,17 @@
+"""Time full models that watch for a breakdown, and that do not."""
+
+from sphpod import dataset, detection, log, timing
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    name, physics = snakemake.wildcards.scene, snakemake.params.physics
+    scene = Scene.from_settings(name, physics)
+    repeats = snakemake.params.repeats
+    dataset.write(
+        snakemake.output[0],
+        detection.measure(scene, repeats),
+        title=f"Cost of watching {name} for a breakdown",
+        settings={"scene": name, **physics, "repeats": repeats, "machine": timing.machine()},
+        code=snakemake.params.code,
+    )

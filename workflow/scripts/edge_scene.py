@@ -1,0 +1,16 @@
+"""Check what must hold of a scene at the edge of what can be computed."""
+
+from sphpod import dataset, edge_scenes, log
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    name, physics = snakemake.wildcards.scene, snakemake.params.physics
+    scene = Scene.from_settings(name, physics)
+    dataset.write(
+        snakemake.output[0],
+        edge_scenes.study(scene),
+        title=f"Checks of {name}",
+        settings={"scene": name, **physics},
+        code=snakemake.params.code,
+    )

@@ -1,0 +1,18 @@
+"""Foretell how much the energy grows over long times, and measure it."""
+
+from sphpod import dataset, growth, log
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    name, physics = snakemake.wildcards.scene, snakemake.params.physics
+    scene = Scene.from_settings(name, physics)
+    horizons = [n * scene.duration for n in snakemake.params.horizon_factors]
+    energy_horizon = snakemake.params.energy_horizon_factor * scene.duration
+    dataset.write(
+        snakemake.output[0],
+        growth.measure(scene, horizons, energy_horizon),
+        title=f"Growth of the energy of {name}",
+        settings={"scene": name, **physics, "horizons": horizons, "energy_horizon": energy_horizon},
+        code=snakemake.params.code,
+    )

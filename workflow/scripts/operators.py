@@ -1,0 +1,19 @@
+"""Tell the largest real parts of the spectra of reduced operators."""
+
+from sphpod import dataset, log, reduced_operators
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    settings = dataset.settings(snakemake.input.pod)
+    scene = Scene.from_settings(settings["scene"], settings)
+    counts = list(snakemake.params.mode_counts)
+    modes, energy_modes = dataset.read(snakemake.input.pod), dataset.read(snakemake.input.lifted_pod)
+    taken = dataset.read(snakemake.input.snapshots, "density_snapshots")["density_snapshots"]
+    dataset.write(
+        snakemake.output[0],
+        reduced_operators.of_samplings(scene, counts, modes, energy_modes, taken),
+        title=f"Spectra of reduced operators of {scene.name}",
+        settings=settings | {"mode_counts": counts},
+        code=snakemake.params.code,
+    )

@@ -1,0 +1,19 @@
+"""Make models of snapshots that are poor in every way, and judge them by their bounds."""
+
+from sphpod import dataset, log, poor_snapshots
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    settings = dataset.settings(snakemake.input.snapshots)
+    scene = Scene.from_settings(settings["scene"], settings)
+    taken = dataset.read(snakemake.input.snapshots)
+    full = dataset.read(snakemake.input.full, "velocity", "strain")
+    count = max(snakemake.params.mode_counts)
+    dataset.write(
+        snakemake.output[0],
+        poor_snapshots.study(scene, taken, full, count),
+        title=f"Models of {scene.name} from poor snapshots",
+        settings=settings | {"mode_counts": [count]},
+        code=snakemake.params.code,
+    )

@@ -1,0 +1,17 @@
+"""Tell the largest real parts of the spectra of operators on random bases."""
+
+from sphpod import dataset, log, reduced_operators
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    name, physics = snakemake.wildcards.scene, snakemake.params.physics
+    scene = Scene.from_settings(name, physics)
+    count = snakemake.params.count
+    dataset.write(
+        snakemake.output[0],
+        reduced_operators.of_random_bases(scene, count, seed=0),
+        title=f"Spectra of operators of {name} on random bases",
+        settings={"scene": name, **physics, "random_bases": count},
+        code=snakemake.params.code,
+    )

@@ -1,0 +1,18 @@
+"""Foretell the largest stable time steps of reduced models, and measure them."""
+
+from sphpod import dataset, limits, log
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    settings = dataset.settings(snakemake.input.pod)
+    scene = Scene.from_settings(settings["scene"], settings)
+    counts = list(snakemake.params.mode_counts)
+    modes, energy_modes = dataset.read(snakemake.input.pod), dataset.read(snakemake.input.lifted_pod)
+    dataset.write(
+        snakemake.output[0],
+        limits.reduced(scene, counts, modes, energy_modes),
+        title=f"Stable time steps of reduced models of {scene.name}",
+        settings=settings | {"mode_counts": counts},
+        code=snakemake.params.code,
+    )

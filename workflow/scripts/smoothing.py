@@ -1,0 +1,18 @@
+"""Compare smoothing lengths: consistency, stability and errors of full SPH."""
+
+from sphpod import dataset, error, log, smoothing
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    reference = dataset.read(snakemake.input.reference, *error.FIELDS)
+    settings = dataset.settings(snakemake.input.reference)
+    scene = Scene.from_settings(settings["scene"], settings)
+    ratios = list(snakemake.params.smoothing_ratios)
+    dataset.write(
+        snakemake.output[0],
+        smoothing.study(scene, ratios, reference),
+        title=f"Smoothing lengths compared for {scene.name}",
+        settings=settings | {"smoothing_ratios": ratios},
+        code=snakemake.params.code,
+    )
