@@ -35,6 +35,9 @@ from sphpod.lifted_rom import LiftedModel, Prepared
 from sphpod.scene import Scene
 from sphpod.stability import Breakdown
 
+SUBDIVISIONS = 16
+"""Parts of an output interval at whose ends the force is looked at, for its rates of change."""
+
 CRITICAL = 1e6
 """Condition number of a block's eigenvectors from which its modes are left uncorrected."""
 
@@ -308,27 +311,39 @@ class Bound:
         scene, operator = self.model.scene, self.model.own.operator
         interval, times = scene.error_interval, scene.error_times
         push = own_force(self.model)
-        amplitude, slope, curvature = np.zeros((3, times.size))
+        amplitude, largest = np.zeros(times.size), np.zeros((3, times.size - 1))
         if push.any() or self.residual[:, -1].any():
-            amplitude = scene.force_values(times)[0]
-            slope = np.gradient(amplitude, interval)
-            curvature = np.gradient(slope, interval)
+            amplitude, largest = scene.force_values(times)[0], _largest_force(scene)
         factor, last = self.residual[:, :-1], self.residual[:, -1:]
         norms = np.linalg.norm(factor @ state + last * amplitude, axis=0)
         second = factor @ operator @ operator
-        bends = np.zeros(times.size)
-        # No energy comes into a block without force, so each is largest at an output.
+        bends = np.zeros(times.size - 1)
+        # What a block begins an interval with does not grow, but for what the force adds.
         for coordinates in self.model.own.members:
-            largest = np.linalg.norm(second[:, coordinates], 2)
-            bends += largest * np.linalg.norm(state[coordinates], axis=0)
-        for part, course in (
-            (factor @ operator @ push, amplitude),
-            (factor @ push, slope),
-            (last[:, 0], curvature),
-        ):
-            bends += np.linalg.norm(part) * np.abs(course)
-        bend = np.maximum(bends[:-1], bends[1:])
-        return interval / 2 * (norms[:-1] + norms[1:]) + interval**3 / 12 * bend
+            added = interval * np.linalg.norm(push[coordinates]) * largest[0]
+            lengths = np.linalg.norm(state[coordinates, :-1], axis=0) + added
+            bends += np.linalg.norm(second[:, coordinates], 2) * lengths
+        parts = factor @ operator @ push, factor @ push, last[:, 0]
+        bends += np.array([np.linalg.norm(part) for part in parts]) @ largest
+        return interval / 2 * (norms[:-1] + norms[1:]) + interval**3 / 12 * bends
+
+
+def _largest_force(scene):
+    """Largest |f|, |f'| and |f''| within each interval of the outputs, shape (3, intervals)."""
+    step = scene.error_interval / SUBDIVISIONS
+    values, _ = scene.force_values(
+        np.arange((scene.error_times.size - 1) * SUBDIVISIONS + 1) * step
+    )
+    slope = np.diff(values) / step
+    inside = np.diff(slope) / step
+    ends = 2 * inside[[0, -1]] - inside[[1, -2]]
+    curvature = np.concatenate([ends[:1], inside, ends[1:]])
+    within, at_ends = slope.reshape(-1, SUBDIVISIONS), slice(SUBDIVISIONS, None, SUBDIVISIONS)
+    value, bend = (
+        np.maximum(np.abs(points[:-1]).reshape(within.shape).max(axis=1), np.abs(points[at_ends]))
+        for points in (values, curvature)
+    )
+    return np.stack([value, np.abs(within).max(axis=1), bend])
 
 
 def bounds(model: LiftedModel) -> tuple[Bound, Bound]:

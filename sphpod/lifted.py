@@ -156,6 +156,8 @@ def prepare(
     begin = start or (scene.velocity0(), np.zeros(scene.particle_count))
     if integrator in FIXED_STEP:
         return _fixed_step(scene, integrator, time_step or scene.time_step, begin, watch)
+    if integrator == "exact" and not np.isfinite(begin).all():
+        return _broken_from_start(begin, watch)
     if integrator in ADAPTIVE:
         return _adaptive(scene, integrator, tolerance, begin, watch)
     if integrator == "exact":
@@ -400,6 +402,17 @@ def _watched(velocity, strain):
     return first_broken(*flat) if doubtful(*flat) else -1
 
 
+def _broken_from_start(begin, watch):
+    """Where nothing follows from the start, which alone tells what particle is broken."""
+
+    def run(velocity, strain):
+        velocity[:], strain[:] = np.nan, np.nan
+        velocity[0], strain[0] = begin
+        return _watched(velocity, strain) if watch else -1
+
+    return run
+
+
 # --- Adaptive steps -------------------------------------------------------------------------------
 
 
@@ -443,12 +456,16 @@ def _adaptive(scene, integrator, tolerance, begin, watch):
     # Strain and velocity over the speed of sound are alike in size.
     speed = np.sqrt(scene.modulus() / scene.density0())
     amplitude, profile = scene.force_values(times)
-    pushed = np.abs(amplitude).max(initial=0) * np.abs(profile).max(initial=0) * times[-1]
+    finite = np.abs(amplitude[np.isfinite(amplitude)])
+    pushed = finite.max(initial=0) * np.abs(profile).max(initial=0) * times[-1]
     size = np.abs(start * np.concatenate([np.ones(count), speed])).max() + pushed or 1.0
     absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
     rate = rates(scene)
 
     def run(velocity, strain):
+        if not np.isfinite(rate(0.0, start)).all():
+            # From here scipy would look for a first step without end.
+            return _broken_from_start(begin, watch)(velocity, strain)
         result = solve_ivp(
             rate,
             (0, times[-1]),

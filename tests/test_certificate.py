@@ -128,6 +128,18 @@ def test_bounds_are_never_below_the_error(model, seed):
         assert (bound(state) - errors).min() >= -ROUNDING * size(model.scene)
 
 
+@pytest.mark.parametrize("time", ["cos(40*pi*t)", "sin(70*t)", "where(t < 0.43, 1, -2)"])
+@pytest.mark.parametrize("damping", [0, VARIED["damping"]])
+def test_bounds_hold_from_the_first_outputs_on_whatever_happens_between_them(time, damping):
+    """Of a force that turns within a few outputs, or jumps at one."""
+    case = scene(force={"time": time, "profile": "x*(L - x)"}, damping=damping)
+    model = lifted_rom.build(case, decomposed(case), 8)
+    state = model.prepare("lifted_exact").solve()
+    error = true_errors(model, state)
+    for bound in certificate.bounds(model):
+        assert (error - bound(state)).max() <= 1e-13 * error.max()
+
+
 @each
 @pytest.mark.parametrize("blocks", ["as found", "one block"])
 def test_with_all_modes_the_bound_is_rounding(changes, blocks):
