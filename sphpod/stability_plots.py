@@ -14,7 +14,7 @@ from matplotlib.axis import YAxis
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from sphpod.benchmark_plots import FROZEN_LOOKS, LIFTED_RUNS, PAPER_RUNS
 from sphpod.plotting import (
@@ -290,7 +290,7 @@ def _draw_limit(axes: Axes, x: np.ndarray, limit: np.ndarray, time_steps: np.nda
     axes.plot(x, limit, color="white", linewidth=2.4, solid_capstyle="butt")
     axes.plot(x, limit, color=BLACK, linewidth=1.1, label="predicted limit")
     if not np.any(limit >= time_steps[0]):
-        axes.set_title("no step is stable", loc="right")
+        axes.text(0.5, 0.05, "no step is stable", transform=axes.transAxes, ha="center", **NOTE)
 
 
 def _add_growth_bar(figure: Figure, mesh: QuadMesh, norm: AsinhNorm) -> None:
@@ -435,6 +435,8 @@ def _draw_drifts(axes: Axes, scenes: Mapping[str, Arrays]) -> None:
         raise ValueError(f"there is no look for energies kept by {unknown[0]}")
     drifts = np.concatenate([scene["energy_drift"] for scene in scenes.values()])
     scale_log(axes.xaxis, np.append(drifts[np.isfinite(drifts)], CONSERVED), room=0.08)
+    # The panel is narrow.
+    axes.xaxis.set_major_locator(LogLocator(numticks=5))
     axes.axvline(CONSERVED, color=DIM, linewidth=0.8, linestyle="--")
     kinds = [name for name in CONSERVING_LOOKS if name in present]
     for place, name in enumerate(kinds):
@@ -510,10 +512,10 @@ def operators(**tables: Arrays) -> Figure:
     figure = Figure(figsize=(PAGE_WIDTH, sum(heights)), layout="constrained")
     halves = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
     panels = halves[0].subplots(1, len(OPERATORS), sharey=True)
-    _draw_growth_rates(panels, samplings, looks)
+    broken = _draw_growth_rates(panels, samplings, looks)
     for scene, look in looks.items():
         panels[0].plot([], [], label=_words(scene), **look)
-    _add_legend(halves[0], panels, 4)
+    _add_legend(halves[0], panels, 4, "top edge: not finite" if broken else None)
     if below:
         parts = iter(halves[1].subfigures(1, below, squeeze=False)[0])
         if random:
@@ -525,24 +527,25 @@ def operators(**tables: Arrays) -> Figure:
 
 def _draw_growth_rates(
     panels: Sequence[Axes], samplings: Mapping[str, Arrays], looks: Mapping[str, Look]
-) -> None:
+) -> bool:
+    """Draw growth rates over mode counts, and tell whether any stands on the top edge."""
     band = ROUNDING * max(table["operator_size"].max() for table in samplings.values())
     every = np.concatenate([table[name] for table in samplings.values() for name in OPERATORS])
-    _scale_symlog(panels[0].yaxis, every[np.isfinite(every)], band)
+    finite = np.isfinite(every)
+    _scale_symlog(panels[0].yaxis, every[finite], band)
     for axes, (variable, title) in zip(panels, OPERATORS.items(), strict=True):
         axes.axhspan(-band, band, color=PALE, linewidth=0, label="rounding")
-        broken = False
         for name, table in samplings.items():
             look, rates = looks[_scene(name)], table[variable]
-            finite = np.isfinite(rates)
-            shown = np.where(finite, rates, np.nan)
+            known = np.isfinite(rates)
+            shown = np.where(known, rates, np.nan)
             axes.plot(table["mode_count"], shown, **{**look, "linewidth": 0.3})
-            mark_breakdown(axes, table["mode_count"][~finite], look)
-            broken |= not finite.all()
-        axes.set_title(title + " (top edge: not finite)" * broken, loc="left")
+            mark_breakdown(axes, table["mode_count"][~known], look)
+        axes.set_title(title, loc="left")
         axes.set_xlabel("number of modes k")
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
     panels[0].set_ylabel("largest real part [1/s]")
+    return not finite.all()
 
 
 def _scale_symlog(axis: YAxis, values: np.ndarray, band: float) -> None:
@@ -647,7 +650,7 @@ def smoothing(**scenes: Arrays) -> Figure:
             raise ValueError(f"{name} has smoothing ratios that are not above 1")
         if not np.isclose(scene["smoothing_ratio"], usual).any():
             raise ValueError(f"{name} has no smoothing ratio of {usual} to compare others with")
-    figure = Figure(figsize=(PAGE_WIDTH, 4.6), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, 4.9), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True)
     first = next(iter(scenes.values()))
     ratios = first["smoothing_ratio"]
@@ -667,7 +670,7 @@ def smoothing(**scenes: Arrays) -> Figure:
     neighbours.plot(
         ratios, first["neighbour_count"], color=VERMILLION, linestyle="--", drawstyle="steps-post"
     )
-    _name_axis(neighbours, "neighbours on each side (dashed)", VERMILLION)
+    _name_axis(neighbours, "neighbours per side (dashed)", VERMILLION)
     neighbours.yaxis.set_major_locator(MaxNLocator(integer=True))
     looks = _scene_looks(scenes)
     broken = [_draw_smoothing_errors(axes, scenes, looks, field)
@@ -852,7 +855,7 @@ def noise(snapshots: Arrays) -> Figure:
     lines = np.array([1 + text.count("\n") for text in outcomes])
     rows = 0.5 + 0.09 + 0.13 * (lines + 0.5).sum()
     figure = Figure(figsize=(PAGE_WIDTH, 2.4 + rows), layout="constrained")
-    upper, lower = figure.subfigures(2, 1, height_ratios=(2.4, rows))
+    upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(2.4, rows))[:, 0]
     panels = upper.subplots(), lower.subplots()
     broken = _draw_noise(panels[0], snapshots)
     broken |= _draw_defects(panels[1], snapshots, outcomes, lines)
