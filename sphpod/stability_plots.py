@@ -463,13 +463,13 @@ def _span(values: np.ndarray) -> str:
 
 
 OPERATORS = {
-    "euclidean_growth_rate": "Euclidean modes, at rest",
-    "frozen_growth_rate": "Euclidean modes, frozen densities",
-    "energy_growth_rate": "energy modes",
+    "euclidean": "Euclidean modes, at rest",
+    "frozen": "Euclidean modes, frozen densities",
+    "energy": "energy modes",
 }
 EXAMPLE: dict[str, tuple[str, Look]] = {
-    "example_energy_paper": ("the paper's form", {"color": VERMILLION}),
-    "example_energy_lifted": ("the lifted form", {"color": GREEN, "linestyle": "--"}),
+    "paper_energy": ("the paper's form", {"color": VERMILLION}),
+    "lifted_energy": ("the lifted form", {"color": GREEN, "linestyle": "--"}),
 }
 
 
@@ -478,17 +478,19 @@ def operators(**tables: Arrays) -> Figure:
     """Draw the largest real parts of reduced operators, and a run of one that grows.
 
     Above, against the number of modes, a line a sampling, in the colour of its scene; the axis is
-    logarithmic away from the grey band of rounding. Below, the share of random bases whose operator
-    grows faster than the abscissa, relative to its norm; and energies of a run.
+    logarithmic away from the grey band of rounding. Hollow markers stand at rates that rounding may
+    have moved from zero, as it moves eigenvalues of ill-conditioned operators far. Below, the share
+    of random bases whose operator grows faster than the abscissa, relative to its norm; and
+    energies of a run.
 
     Parameters
     ----------
     tables
         By name. `{scene}__{sampling}`: `mode_count`, `euclidean_growth_rate`, `frozen_growth_rate`,
-        `energy_growth_rate` and `operator_size` [1/s]. `random__{scene}`, any number of them:
-        `random_euclidean_growth_rate`, `random_energy_growth_rate`, `random_operator_size` [1/s].
-        `example`, if there is one: `example_time` [s], `example_energy_paper`,
-        `example_energy_lifted`.
+        `energy_growth_rate`, `euclidean_rounding`, `frozen_rounding` and `operator_size` [1/s].
+        `random__{scene}`, any number of them: `random_euclidean_growth_rate`,
+        `random_energy_growth_rate`, `random_operator_size` [1/s]. `example`, if there is one: `t`
+        [s], `paper_energy`, `lifted_energy` [J/m²].
 
     Raises
     ------
@@ -530,17 +532,25 @@ def _draw_growth_rates(
 ) -> bool:
     """Draw growth rates over mode counts, and tell whether any stands on the top edge."""
     band = ROUNDING * max(table["operator_size"].max() for table in samplings.values())
-    every = np.concatenate([table[name] for table in samplings.values() for name in OPERATORS])
+    every = np.concatenate(
+        [table[f"{kind}_growth_rate"] for table in samplings.values() for kind in OPERATORS]
+    )
     finite = np.isfinite(every)
     _scale_symlog(panels[0].yaxis, every[finite], band)
-    for axes, (variable, title) in zip(panels, OPERATORS.items(), strict=True):
+    for axes, (kind, title) in zip(panels, OPERATORS.items(), strict=True):
         axes.axhspan(-band, band, color=PALE, linewidth=0, label="rounding")
         for name, table in samplings.items():
-            look, rates = looks[_scene(name)], table[variable]
-            known = np.isfinite(rates)
+            look, rates = looks[_scene(name)], table[f"{kind}_growth_rate"]
+            counts, known = table["mode_count"], np.isfinite(rates)
             shown = np.where(known, rates, np.nan)
-            axes.plot(table["mode_count"], shown, **{**look, "linewidth": 0.3})
-            mark_breakdown(axes, table["mode_count"][~known], look)
+            # Lifted operators are as well-conditioned as the band tells.
+            rounding = table.get(f"{kind}_rounding", np.zeros(len(rates)))
+            clear = ~(np.abs(rates) <= rounding)
+            axes.plot(counts, shown, color=look["color"], linewidth=0.3)
+            for chosen, filling in ((clear, "full"), (~clear, "none")):
+                some = {**look, "linestyle": "", "fillstyle": filling}
+                axes.plot(counts[chosen], shown[chosen], **some)
+            mark_breakdown(axes, counts[~known], look)
         axes.set_title(title, loc="left")
         axes.set_xlabel("number of modes k")
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
@@ -599,7 +609,7 @@ def _draw_random(
 
 def _draw_example(figure: SubFigure, example: Arrays) -> None:
     axes = figure.subplots()
-    time = example["example_time"]
+    time = example["t"]
     drawn = []
     broken = False
     for name, (label, look) in EXAMPLE.items():
