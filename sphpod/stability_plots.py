@@ -280,7 +280,7 @@ def _draw_map(
     mesh = axes.pcolormesh(
         edges, heights, np.ma.masked_invalid(growth.T), norm=norm, rasterized=True
     )
-    scale_log(axes.yaxis, time_steps)
+    scale_log(axes.yaxis, time_steps, few_below=300)
     axes.set_ylim(heights[0], heights[-1])
     return mesh
 
@@ -743,7 +743,11 @@ def _scale_ratios(axes: Axes, ratios: np.ndarray) -> None:
 FULL_MODELS = ("sph", "lifted_full")
 AMPLITUDE_RUNS: dict[str, tuple[str, Look]] = {
     **PAPER_RUNS,
-    "frozen10": ("frozen for 10 steps", FROZEN_LOOKS[0]),
+    # Around the marker of the linearized model, which it hardly differs from.
+    "frozen10": (
+        "frozen for 10 steps",
+        {**FROZEN_LOOKS[0], "markerfacecolor": "none", "markersize": 7},
+    ),
     **LIFTED_RUNS,
 }
 
@@ -788,7 +792,7 @@ def amplitude(amplitude: Arrays) -> Figure:
                 mark_breakdown(axes, compression[whole][bad], look)
                 drawn.append(values[~bad])
                 broken |= bool(bad.any())
-        scale_log(axes.xaxis, np.append(compression[whole], 1))
+        scale_log(axes.xaxis, np.append(compression[whole], 1), few_below=300)
         scale_log(axes.yaxis, np.concatenate(drawn))
         axes.axvspan(1, axes.get_xlim()[1], color=PALE, linewidth=0)
         axes.set(
@@ -944,7 +948,10 @@ def _draw_defects(
 
 QUANTITIES: dict[str, tuple[str, Look]] = {
     "time_step": ("limit of the time step", {"markersize": 3}),
-    "growth_rate": ("growth rate", {"markersize": 4, "fillstyle": "none"}),
+    "growth_rate": (
+        "growth rate",
+        {"markersize": 3.5, "fillstyle": "none", "markeredgewidth": 0.6},
+    ),
 }
 
 
