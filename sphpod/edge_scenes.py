@@ -1,20 +1,10 @@
 """What must hold of any scene, checked where scenes are at the edge of what can be computed.
 
-Energy. With the scaled fields u = √m v and p = √(V c) e of `sphpod.lifted` and w_i = x coth x,
-x = d_i Δt/2 (1 without damping), leapfrog and symplectic Euler have the energies
+Energy. What integrators keep in its place (`sphpod.energy`) is kept without damping, never grows
+with it, and is the square of a norm for Δt < 2/ω with the fastest wave ω. With ρ = Δt ω/2, a force
+then adds at most
 
-    H = Σ w u² + |p|² - (Δt²/4) |Aᵀu|²    and    H = Σ w u² + |p|² - Δt p·Aᵀu,
-
-of which the second is the first at half a drift's distance. A step with the force f changes them by
-
-    H' - H = -Σ tanh(x) w (u' + u)² + Δt f (u' + u)·√m,
-
-so that they are kept without damping, never grow with it, however it varies and however stiff it
-is, and are norms for Δt < 2/ω with the fastest wave ω. With ρ = Δt ω/2, a force then adds at most
-
-    √H(t) ≤ √H(0) + (1 - ρ²)^(-1/2) Σ Δt |f| |√m|.
-
-The exact solution is their limit Δt → 0, with |u|² + |p|².
+    √H(t) ≤ √H(0) + (1 - ρ²)^(-1/2) Σ Δt |f| |√m|,    H twice the energy.
 
 Momentum. Σ_i V_i G_ij = -V_j (G 1)_j is zero for evenly spaced particles, so that nothing but
 damping and force changes their momentum. For jittered ones translation strains: how much is told.
@@ -29,8 +19,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sphpod import certificate, lifted, lifted_rom, stability
-from sphpod.error import blocks
+from sphpod import certificate, energy, lifted, lifted_rom, stability
 from sphpod.scene import GROWTH_LIMIT, Scene, check, derivative_matrix
 from sphpod.stability import Breakdown
 
@@ -134,37 +123,6 @@ def stable_step(scene: Scene) -> float:
     return scene.error_interval / np.ceil(scene.error_interval / longest)
 
 
-def kept_energy(
-    scene: Scene, integrator: str, time_step: float, solution: Mapping[str, np.ndarray]
-) -> np.ndarray:
-    """Energy H of leapfrog, symplectic Euler or the exact solution [J/m², twice], (times,).
-
-    Parameters
-    ----------
-    scene : Scene
-    integrator : {"exact", "leapfrog", "symplectic_euler"}
-    time_step : float
-        Δt [s]; of no account for the exact solution.
-    solution : dict
-        velocity [m/s] and strain (times, N).
-    """
-    mass, stiffness = lifted.energy_weights(scene)
-    damping = scene.damping_values()
-    weights = np.ones_like(mass)
-    if damping.size and integrator != "exact":
-        half = damping * time_step / 2
-        weights = np.where(half > 0, half / np.tanh(np.where(half > 0, half, 1)), 1)
-    result = np.empty(len(solution["velocity"]))
-    for part in blocks(len(result), size=max(1, 1_000_000 // mass.size)):
-        u, p = mass * solution["velocity"][part], stiffness * solution["strain"][part]
-        result[part] = np.einsum("tx,tx,x->t", u, u, weights) + np.einsum("tx,tx->t", p, p)
-        if integrator == "leapfrog":
-            result[part] -= time_step**2 / 4 * np.sum(lifted.stretch(scene, u) ** 2, axis=1)
-        elif integrator == "symplectic_euler":
-            result[part] += time_step * np.sum(p * lifted.stretch(scene, u), axis=1)
-    return result
-
-
 def work(scene: Scene, integrator: str, time_step: float) -> np.ndarray:
     """What the force has added at most to √H by each output, (times,)."""
     mass, _ = lifted.energy_weights(scene)
@@ -186,19 +144,19 @@ def full(
 ) -> Iterator[Check]:
     """Checks of a solution of the lifted full model."""
     model = f"lifted full, {integrator}"
-    energy = kept_energy(scene, integrator, time_step, solution)
+    kept = energy.kept(scene, integrator, time_step, solution["velocity"], solution["strain"])
     damping = scene.damping_values()
-    start = energy[0] or 1.0
+    start = kept[0] or 1.0
     if scene.force_time is not None:
-        root = np.sqrt(np.maximum(energy, 0))
+        root = np.sqrt(np.maximum(2 * kept, 0))
         reach = root[0] + work(scene, integrator, time_step)
         shares = np.divide(root, reach, out=np.zeros_like(root), where=reach > 0)
         yield Check("energy's root, of what the force can reach", model, shares[1:].max(), 1 + KEPT)
     elif damping.size:
-        growth = np.diff(energy).max() / start
+        growth = np.diff(kept).max() / start
         yield Check("energy's growth from output to output", model, growth, ROUNDING)
     else:
-        drift = np.abs(energy - energy[0]).max() / start
+        drift = np.abs(kept - kept[0]).max() / start
         yield Check("energy's drift", model, drift, KEPT)
     if scene.force_time is None and (not damping.size or damping.min() == damping.max()):
         mass = scene.density0() * scene.volumes
@@ -263,7 +221,7 @@ def explicit_euler(scene: Scene) -> Iterator[Check]:
         except Breakdown as breakdown:
             yield _broken("lifted full, explicit_euler", breakdown)
             return
-        first, last = kept_energy(ends, "exact", scene.time_step, solution)
+        first, last = energy.total(ends, solution["velocity"], solution["strain"])
         grown = np.sqrt(last / (first or 1.0))
         yield Check(
             "growth of energy's root", "lifted full, explicit_euler", grown, growth * (1 + KEPT)

@@ -8,17 +8,7 @@ Explicit Euler multiplies a wave by 1 - i ω Δt, its energy by 1 + ω² Δt², 
 
     E(n) = Σ_j E_j (1 + ω_j² Δt²)^n.
 
-Symplectic Euler, p⁺ = p - Δt Aᵀ u and then u⁺ = u + Δt A p⁺, keeps |u|² + |p|² - Δt uᵀ A p: with
-h = ω Δt, each wave α + i β goes to β⁺ = β - h α, α⁺ = α + h β⁺, and
-
-    α⁺² + β⁺² - h α⁺ β⁺ = α² + β⁺² + h α β⁺ = α² + β² - h α β,
-
-the first by α⁺ = α + h β⁺, the second by β⁺ = β - h α. Leapfrog, drift-kick-drift, keeps
-|u|² + |p|² - (Δt²/4) |Aᵀ u|²: with b = β - h α/2 in the middle, α⁺ = α + h b, β⁺ = b - h α⁺/2, and
-
-    α⁺² (1 - h²/4) + β⁺² - α² (1 - h²/4) - β² = (α⁺ - α - h b) (α⁺ + α) = 0.
-
-Both are positive, and so bound the energy, below ω Δt = 2. Exact steps keep |u|² + |p|² itself.
+What other integrators keep in place of the energy is in `sphpod.energy`.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -27,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from sphpod import lifted, sph
+from sphpod import energy, lifted, sph
 from sphpod.error import blocks
 from sphpod.lifted_rom import LiftedModel
 from sphpod.scene import Scene
@@ -116,6 +106,11 @@ class Waves:
         return smallest
 
 
+def applies(scene: Scene) -> bool:
+    """Whether the waves of a scene are its own: nothing damps or pushes them."""
+    return not scene.damping_values().size and scene.force_time is None
+
+
 def measure(
     scene: Scene, horizons: Sequence[float], energy_horizon: float
 ) -> dict[str, np.ndarray]:
@@ -146,7 +141,7 @@ def measure(
     ValueError
         The scene is damped or forced.
     """
-    if scene.damping_values().size or scene.force_time is not None:
+    if not applies(scene):
         raise ValueError(f"scene {scene.name}: its energy is not its own: it is damped or forced")
     waves = Waves.of(scene)
     grown = np.array([_growth(waves, horizon) for horizon in horizons]).T
@@ -178,41 +173,9 @@ def _growth(waves, horizon):
     if failed >= 0:
         measured_time = steps[failed // scene.particle_count] * scene.time_step
     else:
-        ends = energy(scene, fields[0, [0, -1]], lifted.strain(scene, fields[1, [0, -1]]))
+        ends = energy.total(scene, fields[0, [0, -1]], lifted.strain(scene, fields[1, [0, -1]]))
         measured = ends[1] / ends[0]
     return waves.energy(count) / waves.energy(0), measured, predicted_time, measured_time
-
-
-def energy(scene: Scene, velocity: np.ndarray, strain: np.ndarray) -> np.ndarray:
-    """Energy Σ m v²/2 + Σ V c e²/2 of fields (times, N) [J/m²], shape (times,)."""
-    mass, stiffness = lifted.energy_weights(scene)
-    return (((velocity * mass) ** 2).sum(axis=1) + ((strain * stiffness) ** 2).sum(axis=1)) / 2
-
-
-def kept_energy(
-    scene: Scene, integrator: str, time_step: float, velocity: np.ndarray, strain: np.ndarray
-) -> np.ndarray:
-    """What an integrator keeps of the fields (times, N) of an unforced, undamped scene [J/m²].
-
-    Parameters
-    ----------
-    integrator : {"symplectic_euler", "leapfrog", "exact"}
-    time_step : float
-        Δt [s]; exact steps do not ask for it.
-
-    Returns
-    -------
-    array, shape (times,)
-    """
-    mass, stiffness = lifted.energy_weights(scene)
-    stretch = lifted.stretch(scene, velocity * mass)
-    total = energy(scene, velocity, strain)
-    if integrator == "symplectic_euler":
-        # uᵀ A p is -p times the stretch -Aᵀ u.
-        return total + time_step / 2 * (strain * stiffness * stretch).sum(axis=1)
-    if integrator == "leapfrog":
-        return total - time_step**2 / 8 * (stretch**2).sum(axis=1)
-    return total
 
 
 def drift(
@@ -249,7 +212,7 @@ def drift(
         step = interval / np.ceil(interval / largest_step)
         found = lifted.solve(long, integrator, step)
         velocity, strain = found["velocity"], found["strain"]
-    kept = kept_energy(scene, integrator, step, velocity, strain)
+    kept = energy.kept(scene, integrator, step, velocity, strain)
     return step, float(np.abs(kept / kept[0] - 1).max())
 
 

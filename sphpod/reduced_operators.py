@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from sphpod import growth, lifted, lifted_rom
+from sphpod import energy, lifted, lifted_rom
 from sphpod.lifted_rom import LiftedModel
 from sphpod.rom import ReducedModel
 from sphpod.scene import Scene
@@ -264,7 +264,7 @@ def _energies(paper, energetic):
     a, b, breakdown = paper.solve(scene.error_steps)
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         strain = lifted.strain(scene, b @ paper.density_modes)
-        paper_energy = growth.energy(scene, a @ paper.velocity_modes, strain)
+        paper_energy = energy.total(scene, a @ paper.velocity_modes, strain)
     if breakdown is not None:
         paper_energy[scene.error_times >= breakdown.time] = np.nan
     state = energetic.prepare("lifted_euler").solve()

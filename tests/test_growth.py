@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import VARIED, scene
 
-from sphpod import growth, lifted, sph
+from sphpod import energy, growth, lifted, sph
 from sphpod.growth import Waves
 
 GRADED = {key: VARIED[key] for key in ("initial_density", "youngs_modulus")}
@@ -29,7 +29,7 @@ def conserving_scenes(draw):
 
 
 def total(case, solution, row):
-    return growth.energy(case, solution["velocity"][[row]], solution["strain"][[row]])[0]
+    return energy.total(case, solution["velocity"][[row]], solution["strain"][[row]])[0]
 
 
 @settings(deadline=None, max_examples=25)
@@ -98,12 +98,12 @@ def test_every_integrator_keeps_its_own_energy(case, integrator, part):
     long = replace(case, duration=100 * step, time_step=step, error_interval=step)
     run = lifted.solve(long, integrator, start=tuple(start))
     fields = run["velocity"], run["strain"]
-    kept = growth.kept_energy(long, integrator, step, *fields)
+    kept = energy.kept(long, integrator, step, *fields)
     assert kept.min() > 0
     np.testing.assert_allclose(kept, kept[0], rtol=1e-12)
     for other in growth.CONSERVING:
         if other != integrator:
-            changed = growth.kept_energy(long, other, step, *fields)
+            changed = energy.kept(long, other, step, *fields)
             assert np.abs(changed / changed[0] - 1).max() > 1e-6
 
 
