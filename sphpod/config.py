@@ -605,10 +605,50 @@ def _resolved_stability(settings: dict[str, Any], known: dict[str, Any]) -> dict
             if sampling not in known[name]["samplings"]:
                 allowed = _known("sampling", known[name]["samplings"])
                 raise _refusal(None, f"{key}.{name}", sampling, allowed)
+    _check_runs(stability, known)
     stability["scenes"] = {
         name: _edge_scene(name, scene, known) for name, scene in stability["scenes"].items()
     }
     return stability
+
+
+def _check_runs(stability: Mapping[str, Any], known: Mapping[str, Any]) -> None:
+    """Check the runs that show a model that grows, and that 1.04 is among the smoothing ratios."""
+    for study in ("random_run", "long_run"):
+        if study not in stability:
+            continue
+        run = stability[study]
+        for key, value, names in (
+            ("scene", run["scene"], known),
+            ("sampling", run.get("sampling"), known.get(run["scene"], {}).get("samplings", {})),
+        ):
+            if value is not None and value not in names:
+                raise _refusal(
+                    None, f"stability.{study}.{key}", value, f"allowed are {', '.join(names)}"
+                )
+        if not scenes.Scene.from_settings(run["scene"], known[run["scene"]]).is_conservative:
+            raise _refusal(
+                None,
+                f"stability.{study}.scene",
+                run["scene"],
+                "it must be a scene without damping and force",
+            )
+    if "mode_count" in stability.get("long_run", {}):
+        run = stability["long_run"]
+        _check_modes(
+            run["scene"],
+            run["sampling"],
+            known[run["scene"]],
+            "stability.long_run.mode_count",
+            str(run["mode_count"]),
+        )
+    if 1.04 not in stability["smoothing_ratios"]:
+        raise _refusal(
+            None,
+            "stability.smoothing_ratios",
+            stability["smoothing_ratios"],
+            "1.04 must be among them, by whose time step those of the others are told",
+        )
 
 
 def _edge_scene(name: str, settings: dict[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:

@@ -106,11 +106,6 @@ class Waves:
         return smallest
 
 
-def applies(scene: Scene) -> bool:
-    """Whether the waves of a scene are its own: nothing damps or pushes them."""
-    return not scene.damping_values().size and scene.force_time is None
-
-
 def measure(
     scene: Scene, horizons: Sequence[float], energy_horizon: float
 ) -> dict[str, np.ndarray]:
@@ -141,7 +136,7 @@ def measure(
     ValueError
         The scene is damped or forced.
     """
-    if not applies(scene):
+    if not scene.is_conservative:
         raise ValueError(f"scene {scene.name}: its energy is not its own: it is damped or forced")
     waves = Waves.of(scene)
     grown = np.array([_growth(waves, horizon) for horizon in horizons]).T

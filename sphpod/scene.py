@@ -150,6 +150,11 @@ class Scene:
         return self.jitter == 0
 
     @property
+    def is_conservative(self) -> bool:
+        """Whether nothing damps or pushes the waves, so that they keep their energy."""
+        return self.force_time is None and not self.damping_values().size
+
+    @property
     def volumes(self) -> np.ndarray:
         """Particle volumes V_i [m], shape (N,): Δx, or half the distance between the neighbours."""
         if self.is_even:

@@ -122,19 +122,13 @@ def rows(place: Mapping[str, Any], arrays: Study) -> Iterator[dict[str, Any]]:
         yield {**place, **{name: values[n].item() for name, values in table.items()}}
 
 
-def ranking(studies: Iterable[Study], chosen: Iterable[float]) -> list[dict[str, Any]]:
-    """The rows of `overall` of the chosen ratios, which must be among those studied.
+def ranking(studies: Iterable[Study]) -> list[dict[str, Any]]:
+    """The rows of `overall`, the ratio with the smallest velocity error first.
 
     Parameters
     ----------
     studies : dicts
         One from `study` for each scene, with the same ratios.
-    chosen : floats
-
-    Raises
-    ------
-    KeyError
-        A chosen ratio was not studied.
     """
-    table = {row["smoothing_ratio"]: row for row in rows({"scene": "all"}, overall(studies))}
-    return [table[ratio] for ratio in chosen]
+    table = rows({"scene": "all"}, overall(studies))
+    return sorted(table, key=lambda row: row["velocity_rank"])

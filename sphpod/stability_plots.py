@@ -489,8 +489,9 @@ def operators(**tables: Arrays) -> Figure:
         By name. `{scene}__{sampling}`: `mode_count`, `euclidean_growth_rate`, `frozen_growth_rate`,
         `energy_growth_rate`, `euclidean_rounding`, `frozen_rounding` and `operator_size` [1/s].
         `random__{scene}`, any number of them: `random_euclidean_growth_rate`,
-        `random_energy_growth_rate`, `random_operator_size` [1/s]. `example`, if there is one: `t`
-        [s], `paper_energy`, `lifted_energy` [J/m²].
+        `random_energy_growth_rate`, `random_operator_size` [1/s]. `run__{scene}` of random modes
+        and `run__{scene}__{sampling}` of POD modes, if there are any: `t` [s], `paper_energy`,
+        `lifted_energy` [J/m²].
 
     Raises
     ------
@@ -502,28 +503,25 @@ def operators(**tables: Arrays) -> Figure:
         for name, table in tables.items()
         if name.startswith("random__")
     }
+    runs = {name: table for name, table in tables.items() if name.startswith("run__")}
     samplings = {
-        name: table
-        for name, table in tables.items()
-        if name != "example" and not name.startswith("random__")
+        name: table for name, table in tables.items() if not name.startswith(("random__", "run__"))
     }
     _given(samplings, "operators")
     looks = _scene_looks([*samplings, *random])
-    below = bool(random) + ("example" in tables)
-    heights = (3.0, 2.3)[: 1 + bool(below)]
+    heights = (3.0, *([2.3] if random else []), *([2.1] if runs else []))
     figure = Figure(figsize=(PAGE_WIDTH, sum(heights)), layout="constrained")
-    halves = figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0]
-    panels = halves[0].subplots(1, len(OPERATORS), sharey=True)
+    parts = iter(figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0])
+    upper = next(parts)
+    panels = upper.subplots(1, len(OPERATORS), sharey=True)
     broken = _draw_growth_rates(panels, samplings, looks)
     for scene, look in looks.items():
         panels[0].plot([], [], label=_words(scene), **look)
-    _add_legend(halves[0], panels, 4, "top edge: not finite" if broken else None)
-    if below:
-        parts = iter(halves[1].subfigures(1, below, squeeze=False)[0])
-        if random:
-            _draw_random(next(parts), random, looks)
-        if "example" in tables:
-            _draw_example(next(parts), tables["example"])
+    _add_legend(upper, panels, 4, "top edge: not finite" if broken else None)
+    if random:
+        _draw_random(next(parts), random, looks)
+    if runs:
+        _draw_runs(next(parts), runs)
     return figure
 
 
@@ -607,22 +605,27 @@ def _draw_random(
     _add_legend(figure, [axes])
 
 
-def _draw_example(figure: SubFigure, example: Arrays) -> None:
-    axes = figure.subplots()
-    time = example["t"]
-    drawn = []
+def _draw_runs(figure: SubFigure, runs: Mapping[str, Arrays]) -> None:
+    """Energies of runs, a panel each."""
+    panels = figure.subplots(1, len(runs), squeeze=False)[0]
     broken = False
-    for name, (label, look) in EXAMPLE.items():
-        energy = example[name] / example[name][0]
-        finite = np.isfinite(energy)
-        axes.plot(time, np.where(finite, energy, np.nan), label=label, **look)
-        mark_breakdown(axes, time[~finite][:1], {**look, "marker": "X"})
-        drawn.append(energy[finite])
-        broken |= not finite.all()
-    scale_log(axes.yaxis, np.concatenate(drawn))
-    axes.set(xlim=time[[0, -1]], xlabel="time t [s]", ylabel="energy E(t)/E(0)")
-    axes.set_title("a run that grows" + " (top edge: not finite)" * broken, loc="left")
-    _add_legend(figure, [axes])
+    for axes, (place, run) in zip(panels, runs.items(), strict=True):
+        time = run["t"]
+        drawn = []
+        for name, (label, look) in EXAMPLE.items():
+            energy = run[name] / run[name][0]
+            finite = np.isfinite(energy)
+            axes.plot(time, np.where(finite, energy, np.nan), label=label, **look)
+            mark_breakdown(axes, time[~finite][:1], {**look, "marker": "X"})
+            drawn.append(energy[finite])
+            broken |= not finite.all()
+        scale_log(axes.yaxis, np.concatenate(drawn))
+        axes.set(xlim=time[[0, -1]], xlabel="time t [s]")
+        _, scene, *sampling = place.split("__")
+        kind = f"POD modes of {sampling[0]}" if sampling else "random modes"
+        axes.set_title(f"{_words(scene)}, {kind}", loc="left")
+    panels[0].set_ylabel("energy E(t)/E(0)")
+    _add_legend(figure, panels[:1], 2, "top edge: broken down" if broken else None)
 
 
 # --- Smoothing ------------------------------------------------------------------------------------

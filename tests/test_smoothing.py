@@ -92,10 +92,8 @@ def test_scenes_count_alike_however_large_their_errors():
     assert [row["density_rank"] for row in table] == [1, 3, 1]
     assert table[0]["smoothing_velocity_error"] == pytest.approx(np.sqrt(1e-6 * 0.9))
     assert "stable_time_step" not in table[0]
-    chosen = smoothing.ranking([small, large], [1.2, 1.0])
-    assert chosen == [table[2], table[0]]
-    with pytest.raises(KeyError):
-        smoothing.ranking([small, large], [1.5])
+    ranked = [row["smoothing_ratio"] for row in smoothing.ranking([small, large])]
+    assert ranked == [table[n]["smoothing_ratio"] for n in (1, 0, 2)]
 
 
 def test_rows_tell_each_ratio_and_its_ranks():

@@ -116,11 +116,12 @@ def reduced_operators() -> dict[str, Arrays]:
             "random_operator_size": size,
         }
     time = np.linspace(0, 10, 301)
-    tables["example"] = {
-        "t": time,
-        "paper_energy": 1e-6 * np.exp(0.9 * time),
-        "lifted_energy": 1e-6 * np.exp(-0.02 * time),
-    }
+    for name in ("run__two_moduli", "run__three_harmonics__uniform100"):
+        tables[name] = {
+            "t": time,
+            "paper_energy": 1e-6 * np.exp(0.9 * time),
+            "lifted_energy": 1e-6 * np.exp(-0.02 * time),
+        }
     return tables
 
 
@@ -245,7 +246,7 @@ def broken_smoothing() -> Figure:
 def broken_operators() -> Figure:
     tables = reduced_operators()
     tables["damped__uniform12"]["frozen_growth_rate"][3] = np.nan
-    tables["example"]["paper_energy"][200:] = np.inf
+    tables["run__two_moduli"]["paper_energy"][200:] = np.inf
     return stability_plots.operators(**tables)
 
 
@@ -255,7 +256,7 @@ def quiet_growth() -> Figure:
 
 def samplings_alone() -> Figure:
     tables = reduced_operators()
-    samplings = [name for name in tables if "__" in name and not name.startswith("random__")]
+    samplings = [name for name in tables if not name.startswith(("random__", "run__"))]
     return stability_plots.operators(**{name: tables[name] for name in samplings})
 
 
@@ -502,14 +503,21 @@ def test_share_of_random_bases_that_grow_faster() -> None:
             assert shown == pytest.approx(np.mean(rates > level))
 
 
-def test_an_example_is_drawn_where_there_is_one() -> None:
-    example = stability_plots.operators(**reduced_operators()).axes[4]
-    assert example.get_yscale() == "log"
-    paper, lifted = example.lines
-    assert y_of(paper)[0] == y_of(lifted)[0] == 1
-    assert y_of(paper)[-1] == pytest.approx(np.exp(9))
+def test_runs_are_drawn_where_there_are_any() -> None:
+    runs = stability_plots.operators(**reduced_operators()).axes[4:]
+    assert [axes.get_title(loc="left") for axes in runs] == [
+        "two moduli, random modes",
+        "three harmonics, POD modes of uniform100",
+    ]
+    for axes in runs:
+        assert axes.get_yscale() == "log"
+        paper, lifted = axes.lines
+        assert y_of(paper)[0] == y_of(lifted)[0] == 1
+        assert y_of(paper)[-1] == pytest.approx(np.exp(9))
     assert len(samplings_alone().axes) == 3
-    without = {name: table for name, table in reduced_operators().items() if name != "example"}
+    without = {
+        name: table for name, table in reduced_operators().items() if not name.startswith("run__")
+    }
     assert len(stability_plots.operators(**without).axes) == 4
 
 
@@ -517,7 +525,7 @@ def test_operators_mark_what_is_not_finite() -> None:
     figure = broken_operators()
     panels = figure.axes
     assert "top edge: not finite" in [text.get_text() for text in visible_texts(figure)]
-    assert "top edge: not finite" in panels[4].get_title(loc="left")
+    assert "top edge: broken down" in [text.get_text() for text in visible_texts(figure)]
     (rate,), (energy,) = on_top_edge(panels[1])[-1:], on_top_edge(panels[4])
     assert list(x_of(rate)) == [4]
     np.testing.assert_allclose(x_of(energy), [200 / 30])

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sphpod import claims, exact, growth, paper, provenance, snapshots
+from sphpod import claims, exact, paper, provenance, snapshots
 from sphpod.config import ConfigError, check_modes, load, parse_modes, parse_tolerance, usual_sweep
 from sphpod.kernel import derivative_coefficient
 from sphpod.scene import PHYSICS_KEYS, Scene
@@ -82,7 +82,11 @@ STABILITY_FIGURES |= {
         "caption": f"{caption}: {name}, snapshots {sampling}.",
     }
     for study, kind, caption in (
-        ("map", "stability_map", "Growth of full and reduced models, measured, and the predicted boundary"),
+        (
+            "map",
+            "stability_map",
+            "Growth of full and reduced models, measured, and the predicted boundary",
+        ),
         ("amplitude", "amplitude", "Errors of reduced models until the line folds"),
         ("snapshots", "noise", "Errors and their bounds with poor snapshots"),
     )
@@ -183,6 +187,19 @@ def of_samplings(file, every=True):
     }
 
 
+def growing_runs():
+    """Runs that show a reduced model that grows, by the names under which their figure takes them."""
+    stability, runs = CONFIG["stability"], {}
+    if "random_run" in stability:
+        scene = stability["random_run"]["scene"]
+        runs[f"run__{scene}"] = f"<results>/{scene}/random_run.nc"
+    if "long_run" in stability:
+        scene, sampling, modes = stability["long_run"].values()
+        name = f"run__{scene}__{sampling}"
+        runs[name] = f"<results>/{scene}/{sampling}/long_run/k{modes}.nc"
+    return runs
+
+
 def physical(name):
     return Scene.from_settings(name, SCENES[name])
 
@@ -196,15 +213,18 @@ def truth(scene):
 # Datasets of each table of stability, by the name under which a figure of them all takes each.
 STABILITY = {
     "stability": of_scenes("time_steps.nc") | of_samplings("time_steps.nc", every=False),
-    "growth": of_scenes("growth.nc", growth.applies),
-    "operators": of_samplings("operators.nc")
-    | {f"random__{name}": path for name, path in of_scenes("random_bases.nc").items()},
+    "growth": of_scenes("growth.nc", lambda scene: scene.is_conservative),
+    "operators": of_samplings("operators.nc"),
+    "random_bases": of_scenes("random_bases.nc"),
     "smoothing": of_scenes("smoothing.nc"),
+    "smoothing_ranking": of_scenes("smoothing.nc"),
     "amplitude": stability_studies("amplitude", "amplitude.nc"),
     "poor_snapshots": stability_studies("snapshots", "poor_snapshots.nc"),
     "machine": stability_studies("snapshots", "machine.nc"),
     "detection": of_scenes("detection.nc", lambda scene: scene.is_even),
-    "edge_scenes": {name: f"<results>/{name}/edge_scene.nc" for name in CONFIG["stability"]["scenes"]},
+    "edge_scenes": {
+        name: f"<results>/{name}/edge_scene.nc" for name in CONFIG["stability"]["scenes"]
+    },
 }
 
 
@@ -316,7 +336,7 @@ def known_benchmark(wildcards):
 def known_undamped(wildcards):
     """Of which theory tells the growth wave by wave."""
     scene = known_scene(wildcards) or physical(wildcards.scene)
-    if not growth.applies(scene):
+    if not scene.is_conservative:
         stop(f"scene = {wildcards.scene}: this needs one without damping and force")
     return []
 
@@ -401,8 +421,15 @@ def figure_inputs(wildcards):
             return {"scaling": f"{of_scene}/scaling.nc"}
         case "limits":
             return STABILITY["stability"]
-        case "growth" | "operators" | "smoothing":
+        case "growth" | "smoothing":
             return STABILITY[figure["kind"]]
+        case "operators":
+            random = STABILITY["random_bases"]
+            return (
+                STABILITY["operators"]
+                | {f"random__{name}": path for name, path in random.items()}
+                | growing_runs()
+            )
         case "stability_map":
             return {
                 "damping": f"{of_scene}/stability_map.nc",

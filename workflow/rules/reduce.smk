@@ -45,7 +45,7 @@ rule reduced_model:
         "<logs>/{scene}/{sampling}/{method}/k{modes}.log",
     wildcard_constraints:
         # Any other method, so that one that does not exist is refused by name.
-        method="(?!lifted_euler/|lifted_exact/)[^/]+",
+        method="(?!lifted_euler/|lifted_exact/|long_run/)[^/]+",
     params:
         mode_counts=lambda wildcards: parse_modes(wildcards.modes),
         code=code("reduced_model.py"),

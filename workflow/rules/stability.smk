@@ -115,12 +115,49 @@ rule random_bases:
         "<logs>/{scene}/random_bases.log",
     params:
         physics=physics,
-        count=CONFIG["stability"]["random_bases"],
+        bases=CONFIG["stability"]["random_bases"],
         code=code("random_bases.py"),
     message:
         "{wildcards.scene}: spectra of reduced operators of random bases"
     script:
         "../scripts/random_bases.py"
+
+
+rule random_run:
+    input:
+        known_undamped,
+    output:
+        "<results>/{scene}/random_run.nc",
+    log:
+        "<logs>/{scene}/random_run.log",
+    params:
+        physics=physics,
+        code=code("random_run.py"),
+    message:
+        "{wildcards.scene}: a run of random modes that grows"
+    script:
+        "../scripts/random_run.py"
+
+
+rule long_run:
+    input:
+        known_sampling,
+        known_undamped,
+        pod="<results>/{scene}/{sampling}/pod.nc",
+        lifted_pod="<results>/{scene}/{sampling}/lifted_pod.nc",
+    output:
+        "<results>/{scene}/{sampling}/long_run/k{modes}.nc",
+    log:
+        "<logs>/{scene}/{sampling}/long_run/k{modes}.log",
+    wildcard_constraints:
+        modes=r"[1-9]\d*",
+    params:
+        horizon_factor=max(CONFIG["stability"]["horizon_factors"]),
+        code=code("long_run.py"),
+    message:
+        "{wildcards.scene}: a long run with {wildcards.modes} modes of {wildcards.sampling}"
+    script:
+        "../scripts/long_run.py"
 
 
 rule smoothing:
@@ -231,7 +268,7 @@ rule detection:
 
 rule stability_table:
     input:
-        lambda wildcards: STABILITY[wildcards.table],
+        lambda wildcards: STABILITY[wildcards.table].values(),
     output:
         "<results>/{table}.csv",
     log:

@@ -7,7 +7,7 @@ if __name__ == "__main__":
     log.start(snakemake.log[0])
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
-    count = snakemake.params.count
+    count = snakemake.params.bases
     dataset.write(
         snakemake.output[0],
         reduced_operators.of_random_bases(scene, count, seed=0),

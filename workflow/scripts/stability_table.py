@@ -20,6 +20,7 @@ ROWS = {
     "stability": limits.rows,
     "growth": growth.rows,
     "operators": reduced_operators.rows,
+    "random_bases": lambda place, arrays: [reduced_operators.random_row(place, arrays)],
     "smoothing": smoothing.rows,
     "amplitude": amplitude.rows,
     "poor_snapshots": poor_snapshots.rows,
@@ -28,12 +29,18 @@ ROWS = {
     "edge_scenes": edge_scenes.rows,
 }
 
+
+def place(path):
+    settings = dataset.settings(path)
+    sampling = settings.get("sampling", {}).get("name", "")
+    return {"scene": settings["scene"], "sampling": sampling}
+
+
 if __name__ == "__main__":
     log.start(snakemake.log[0])
-    rows = []
-    for path in snakemake.input:
-        settings = dataset.settings(path)
-        sampling = settings.get("sampling", {}).get("name", "")
-        place = {"scene": settings["scene"], "sampling": sampling}
-        rows += ROWS[snakemake.params.table](place, dataset.read(path))
+    table, paths = snakemake.params.table, snakemake.input
+    if table == "smoothing_ranking":
+        rows = smoothing.ranking(map(dataset.read, paths))
+    else:
+        rows = [row for path in paths for row in ROWS[table](place(path), dataset.read(path))]
     dataset.write_table(snakemake.output[0], pd.DataFrame(rows))

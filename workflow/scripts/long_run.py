@@ -1,0 +1,19 @@
+"""Run the original and the lifted model of the same snapshots for long."""
+
+from sphpod import dataset, log, reduced_operators
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    settings = dataset.settings(snakemake.input.pod)
+    scene = Scene.from_settings(settings["scene"], settings)
+    modes, energy_modes = map(dataset.read, (snakemake.input.pod, snakemake.input.lifted_pod))
+    count = int(snakemake.wildcards.modes)
+    horizon = snakemake.params.horizon_factor * scene.duration
+    dataset.write(
+        snakemake.output[0],
+        reduced_operators.long_run(scene, count, modes, energy_modes, horizon),
+        title=f"Models of {scene.name} over {horizon:g} s",
+        settings=settings | {"mode_counts": [count], "horizon": horizon},
+        code=snakemake.params.code,
+    )

@@ -1,0 +1,16 @@
+"""Run a reduced model of random modes that grows, and the lifted one of the same modes."""
+
+from sphpod import dataset, log, reduced_operators
+from sphpod.scene import Scene
+
+if __name__ == "__main__":
+    log.start(snakemake.log[0])
+    name, physics = snakemake.wildcards.scene, snakemake.params.physics
+    scene = Scene.from_settings(name, physics)
+    dataset.write(
+        snakemake.output[0],
+        reduced_operators.example(scene, seed=0),
+        title=f"A model of {name} on random modes that grows",
+        settings={"scene": name, **physics},
+        code=snakemake.params.code,
+    )
