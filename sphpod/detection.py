@@ -1,11 +1,14 @@
 """What it costs full models to watch for a breakdown at every output.
 
-Each is run twice in turns, watching and not, otherwise by the same code; the median of the ratios
-turn by turn is what watching costs, as a drift of the machine's speed meets both of a turn alike.
+Each is run twice in turns, watching and not, otherwise by the same code on the same arrays; the
+median of the ratios turn by turn is what watching costs, as a drift of the machine's speed meets
+both of a turn alike. Where arrays lie in memory is felt more than watching, and in some places by
+one of the two alone; so the turns are spread over several places.
 """
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,8 +25,8 @@ SHORTEST = 0.02
 OUTPUTS = 1000
 """Outputs of a run at most: what watching takes is the same part of a longer one."""
 
-TURNS = 5
-"""How many turns are taken for one repeat: what watching takes is a small part of a run."""
+PLACES = 8
+"""Places in memory that models are prepared in, each for as many turns as there are repeats."""
 
 
 def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
@@ -43,28 +46,44 @@ def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
     """
     outputs = min(OUTPUTS, scene.error_times.size - 1)
     scene = replace(scene, duration=outputs * scene.error_interval)
-    kept = np.zeros((2, scene.error_times.size, scene.particle_count))
     models = [("sph_neighbour_lists", "explicit_euler"), ("sph_stencil", "explicit_euler")]
     models += [("lifted_full", integrator) for integrator in _integrators(scene)]
-    runs = []
-    for name, integrator in models:
-        for watch in (True, False):
-            if name == "lifted_full":
-                run = lifted.prepare(scene, integrator, watch=watch)
-            else:
-                neighbours = "lists" if name == "sph_neighbour_lists" else "stencil"
-                run = sph.prepare(scene, scene.error_steps, neighbours, watch=watch)
-            runs.append(lambda run=run: run(*kept))
-    numbers = [timing.warm_up(run, SHORTEST) for run in runs]
-    # Both of a pair are run equally often.
-    numbers = [max(pair) for pair in zip(numbers[::2], numbers[1::2], strict=True) for _ in pair]
-    seconds = timing.measure(runs, TURNS * repeats, numbers)
+    shape = 2, scene.error_times.size, scene.particle_count
+    store, spacers, measured = np.zeros(np.prod(shape) + 512 * PLACES), [], []
+    for place in range(PLACES):
+        # 37 doubles are no multiple of a cache line.
+        first = 37 * place
+        kept = store[first : first + np.prod(shape)].reshape(shape)
+        runs = []
+        for name, integrator in models:
+            spacers.append(np.zeros(first + 1))
+            run = _prepare(scene, name, integrator)
+            runs += [partial(run, *kept, watch=watch) for watch in _order(place)]
+        numbers = [timing.warm_up(run, SHORTEST) for run in runs]
+        # Both of a pair are run equally often.
+        pairs = zip(numbers[::2], numbers[1::2], strict=True)
+        numbers = [max(pair) for pair in pairs for _ in pair]
+        seconds = timing.measure(runs, repeats, numbers).reshape(len(models), 2, repeats)
+        measured.append(seconds if _order(place)[0] else seconds[:, ::-1])
+    watched, unwatched = np.concatenate(measured, axis=2).transpose(1, 0, 2)
     return {
         "contender": np.array([name for name, _ in models]),
         "integrator": np.array([integrator for _, integrator in models]),
-        "cpu_seconds": seconds[::2],
-        "unwatched_seconds": seconds[1::2],
+        "cpu_seconds": watched,
+        "unwatched_seconds": unwatched,
     }
+
+
+def _order(place):
+    """Who of a pair comes first, and finds the cache filled by another model."""
+    return (True, False) if place % 2 == 0 else (False, True)
+
+
+def _prepare(scene, name, integrator):
+    if name == "lifted_full":
+        return lifted.prepare(scene, integrator)
+    neighbours = "lists" if name == "sph_neighbour_lists" else "stencil"
+    return sph.prepare(scene, scene.error_steps, neighbours)
 
 
 def _integrators(scene):

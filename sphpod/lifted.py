@@ -38,7 +38,7 @@ NO_LISTS = np.zeros(0, np.uint64), np.zeros(0, np.uint64), ABSENT
 FIELDS_AT_ONCE = 64
 """Fields that are transformed together; few enough for the processor's cache."""
 
-Run = Callable[[np.ndarray, np.ndarray], int]
+Run = Callable[..., int]
 
 
 def strain(scene: Scene, density: np.ndarray) -> np.ndarray:
@@ -137,31 +137,28 @@ def prepare(
     time_step: float | None = None,
     tolerance: float = 1e-8,
     start: State | None = None,
-    watch: bool = True,
 ) -> Run:
     """Everything that precedes the time loop, so that the loop can be timed alone.
 
-    Parameters are those of `solve`, and
-
-    watch : bool
-        Whether kept states are watched for a breakdown; without, what watching costs can be told.
+    Parameters are those of `solve`.
 
     Returns
     -------
     callable
         ``run(velocity, strain)`` fills two (times, N) arrays at the times of the error integral,
         and returns -1, or the flat index of the first kept value that is not finite or a strain
-        under which the Jacobian 1 + e is not positive.
+        under which the Jacobian 1 + e is not positive. With ``watch=False`` it looks for none, by
+        which the cost of watching can be told.
     """
     begin = start or (scene.velocity0(), np.zeros(scene.particle_count))
     if integrator in FIXED_STEP:
-        return _fixed_step(scene, integrator, time_step or scene.time_step, begin, watch)
+        return _fixed_step(scene, integrator, time_step or scene.time_step, begin)
     if integrator == "exact" and not np.isfinite(begin).all():
-        return _broken_from_start(begin, watch)
+        return _broken_from_start(begin)
     if integrator in ADAPTIVE:
-        return _adaptive(scene, integrator, tolerance, begin, watch)
+        return _adaptive(scene, integrator, tolerance, begin)
     if integrator == "exact":
-        return (_fourier if is_uniform(scene) else _exponential)(scene, begin, watch)
+        return (_fourier if is_uniform(scene) else _exponential)(scene, begin)
     raise ValueError(f"integrator = {integrator}: allowed are {', '.join(INTEGRATORS)}")
 
 
@@ -174,7 +171,7 @@ def is_uniform(scene: Scene) -> bool:
 # --- Fixed steps ----------------------------------------------------------------------------------
 
 
-def _fixed_step(scene, integrator, dt, begin, watch):
+def _fixed_step(scene, integrator, dt, begin):
     stride = round(scene.error_interval / dt)
     if stride < 1 or abs(stride * dt - scene.error_interval) > 1e-9 * scene.error_interval:
         raise ValueError(
@@ -217,7 +214,7 @@ def _fixed_step(scene, integrator, dt, begin, watch):
     )
     half = integrator == "leapfrog"
 
-    def run(velocity, strain):
+    def run(velocity, strain, watch=True):
         state = np.zeros((4, velocity0.size))
         state[0], state[2] = velocity0, stress0
         return march(
@@ -402,10 +399,10 @@ def _watched(velocity, strain):
     return first_broken(*flat) if doubtful(*flat) else -1
 
 
-def _broken_from_start(begin, watch):
+def _broken_from_start(begin):
     """Where nothing follows from the start, which alone tells what particle is broken."""
 
-    def run(velocity, strain):
+    def run(velocity, strain, watch=True):
         velocity[:], strain[:] = np.nan, np.nan
         velocity[0], strain[0] = begin
         return _watched(velocity, strain) if watch else -1
@@ -448,7 +445,7 @@ def rates(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
     return rate
 
 
-def _adaptive(scene, integrator, tolerance, begin, watch):
+def _adaptive(scene, integrator, tolerance, begin):
     from scipy.integrate import solve_ivp
 
     count, times = scene.particle_count, scene.error_times
@@ -462,10 +459,10 @@ def _adaptive(scene, integrator, tolerance, begin, watch):
     absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
     rate = rates(scene)
 
-    def run(velocity, strain):
+    def run(velocity, strain, watch=True):
         if not np.isfinite(rate(0.0, start)).all():
             # From here scipy would look for a first step without end.
-            return _broken_from_start(begin, watch)(velocity, strain)
+            return _broken_from_start(begin)(velocity, strain, watch)
         result = solve_ivp(
             rate,
             (0, times[-1]),
@@ -511,7 +508,7 @@ def rates_of(state, fields, weights, inertia, modulus, damping, push, rates):
 # --- Exact in time --------------------------------------------------------------------------------
 
 
-def _fourier(scene, begin, watch):
+def _fourier(scene, begin):
     """Every Fourier mode of a uniform line is a damped oscillator, carried by jumps."""
     count, times = scene.particle_count, scene.error_times
     density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
@@ -550,7 +547,7 @@ def _fourier(scene, begin, watch):
     state = np.zeros((4 * modes, times.size))
     first, second = state[: 2 * modes], state[2 * modes :]
 
-    def run(velocity, strain):
+    def run(velocity, strain, watch=True):
         first[:, 0], second[:, 0] = start[0], strained
         jumps.run(state, course)
         watched = watch and not (calm and np.isfinite(first[0]).all())
@@ -566,7 +563,7 @@ def _fourier(scene, begin, watch):
     return run
 
 
-def _exponential(scene, begin, watch):
+def _exponential(scene, begin):
     """Products with the exponential of the sparse operator, from output to output."""
     from scipy.sparse.linalg import expm_multiply
 
@@ -586,7 +583,7 @@ def _exponential(scene, begin, watch):
             ]
         )
 
-    def run(velocity, strain):
+    def run(velocity, strain, watch=True):
         if not profile.size:
             states = expm_multiply(matrix, start, 0, times[-1], times.size, True, trace) / scales
             velocity[:], strain[:] = states[:, :count], states[:, count:]

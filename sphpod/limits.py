@@ -85,12 +85,12 @@ def march_full(scene: Scene, integrator: str, paper: bool = False) -> March:
         start = state[:count], state[count:]
         if paper:
             start = start[0], lifted.density(scene, start[1])
-            run = sph.prepare(case, np.arange(outputs + 1) * stride, start=start, watch=False)
-            run(velocity, strain)
+            run = sph.prepare(case, np.arange(outputs + 1) * stride, start=start)
+            run(velocity, strain, watch=False)
             strain = lifted.strain(scene, strain)
             velocity[_beyond(strain)] = np.nan
         else:
-            lifted.prepare(case, integrator, start=start, watch=False)(velocity, strain)
+            lifted.prepare(case, integrator, start=start)(velocity, strain, watch=False)
         return np.concatenate([velocity, strain], axis=1)
 
     def run_pair(state, time_step, stride, outputs):

@@ -70,20 +70,17 @@ def prepare(
     steps: np.ndarray,
     neighbours: str | None = None,
     start: State | None = None,
-    watch: bool = True,
 ):
     """Everything that precedes the time loop, so that the loop can be timed alone.
 
-    Parameters are those of `solve`, and
-
-    watch : bool
-        Whether kept states are watched for a breakdown; without, what watching costs can be told.
+    Parameters are those of `solve`.
 
     Returns
     -------
     callable
         ``run(velocity, density)`` fills two (times, N) arrays and returns -1, or the flat index of
-        the first kept value that broke down.
+        the first kept value that broke down. With ``watch=False`` it looks for none, by which the
+        cost of watching can be told.
 
     Raises
     ------
@@ -115,7 +112,7 @@ def prepare(
     velocity0 = np.pad(velocity_now, ghosts, mode="wrap")
     stress0 = np.pad(modulus * (1 - density0 / density_now), ghosts, mode="wrap")
 
-    def run(velocity, density):
+    def run(velocity, density, watch=True):
         state = np.zeros((4, velocity0.size))
         state[0], state[2] = velocity0, stress0
         rho = density_now.copy()

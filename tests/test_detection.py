@@ -40,7 +40,7 @@ def test_full_sph_is_watched_as_by_brute_force(neighbours, changes, speed):
     if neighbours == "stencil" and not case.is_even:
         return
     kept = np.full((2, case.error_times.size, case.particle_count), np.nan)
-    assert sph.prepare(case, case.error_steps, neighbours, watch=False)(*kept) == -1
+    assert sph.prepare(case, case.error_steps, neighbours)(*kept, watch=False) == -1
     expected = first_broken(kept[0], case.density0() / kept[1])
     assert sph.prepare(case, case.error_steps, neighbours)(*kept.copy()) == expected
 
@@ -52,7 +52,7 @@ def test_full_sph_is_watched_as_by_brute_force(neighbours, changes, speed):
 def test_the_lifted_full_model_is_watched_as_by_brute_force(integrator, changes, speed):
     case = struck(speed, changes)
     kept = np.full((2, case.error_times.size, case.particle_count), np.nan)
-    assert lifted.prepare(case, integrator, watch=False)(*kept) == -1
+    assert lifted.prepare(case, integrator)(*kept, watch=False) == -1
     expected = first_broken(kept[0], 1 + kept[1])
     assert lifted.prepare(case, integrator)(*kept.copy()) == expected
 
@@ -83,5 +83,9 @@ def test_watching_costs_little():
     table = list(detection.rows({"scene": "test"}, measured))
     assert [row["model"] for row in table[:2]] == ["sph_neighbour_lists", "sph_stencil"]
     assert {row["integrator"] for row in table[2:]} == {*lifted.FIXED_STEP, "exact"}
-    assert measured["cpu_seconds"].shape == measured["unwatched_seconds"].shape == (6, 15)
+    assert (
+        measured["cpu_seconds"].shape
+        == measured["unwatched_seconds"].shape
+        == (6, 3 * detection.PLACES)
+    )
     assert np.median([row["part_for_watching"] for row in table]) < 0.1

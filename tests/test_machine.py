@@ -114,13 +114,13 @@ def models(case):
     steps = case.error_steps
     for neighbours in ("stencil", "lists") if case.is_even else ("lists",):
         yield (
-            lambda start, watch, n=neighbours: sph.prepare(case, steps, n, start, watch),
+            lambda start, n=neighbours: sph.prepare(case, steps, n, start),
             lambda start, n=neighbours: sph.solve(case, steps, n, start),
             case.density0(),
         )
     for integrator in lifted.INTEGRATORS:
         yield (
-            lambda start, watch, i=integrator: lifted.prepare(case, i, start=start, watch=watch),
+            lambda start, i=integrator: lifted.prepare(case, i, start=start),
             lambda start, i=integrator: lifted.solve(case, i, start=start),
             np.zeros(case.particle_count),
         )
@@ -140,7 +140,7 @@ def test_a_broken_start_is_caught_at_its_particle_and_never_heals(name, particle
         assert caught.value.time == 0
         assert caught.value.particle == particle
         shown = np.zeros((2, case.error_times.size, case.particle_count))
-        assert prepare(tuple(start), False)(*shown) == -1
+        assert prepare(tuple(start))(*shown, watch=False) == -1
         assert (~np.isfinite(shown)).any(axis=(0, 2)).all()
 
 
@@ -155,7 +155,10 @@ def test_full_sph_that_breaks_between_outputs_is_caught_at_the_next(name, step, 
         start = before["velocity"][1], before["density"][1]
         start[field][at] = bad
         unseen = np.empty((2, 2, case.particle_count))
-        assert sph.prepare(case, np.array([step, output]), neighbours, start, False)(*unseen) == -1
+        assert (
+            sph.prepare(case, np.array([step, output]), neighbours, start)(*unseen, watch=False)
+            == -1
+        )
         with pytest.raises(Breakdown, match=r"^scene crash: full SPH broke down") as caught:
             sph.solve(case, after + output - step, neighbours, (unseen[0, 1], unseen[1, 1]))
         assert caught.value.time == pytest.approx(output * case.time_step)

@@ -52,7 +52,7 @@ def test_leapfrog_is_stable_below_its_step_and_not_above(ratio, count, depth, ji
         step = part * limit
         long = replace(case, time_step=step, error_interval=400 * step, duration=400 * step)
         fields = np.empty((2, 2, count))
-        lifted.prepare(long, "leapfrog", start=tuple(start), watch=False)(*fields)
+        lifted.prepare(long, "leapfrog", start=tuple(start))(*fields, watch=False)
         grown.append(np.abs(fields[:, 1]).max() / np.abs(start).max())
     assert grown[0] < 100
     assert grown[1] > 1e4
