@@ -33,7 +33,7 @@ README = DOCUMENTS["README.md"]
 EXAMPLE = "config/mine.yaml"
 """The file that docs/adding-a-scene.md lets the reader write."""
 
-UNITS = {"m s-1": "m/s", "kg m-3": "kg/m³", "kg0.5 s-1": "√(J/m²)", "s-1": "1/s"}
+UNITS = {"m s-1": "m/s", "kg m-3": "kg/m³", "kg0.5 s-1": "√(J/m²)", "s-1": "1/s", "J m-2": "J/m²"}
 """Units of datasets as the documents write them, where they differ."""
 
 

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[1]
 SOURCES = ("Snakefile", "config", "profiles", "sphpod", "workflow")
 # The rules whose results are measured times, and what is computed from those.
 TIMED = re.compile(
-    r"/(cpu_time|step_time|benchmark|skipping|scaling|claims)\.|/acceleration\.csv$|/logs/"
+    r"/(cpu_time|step_time|benchmark|skipping|scaling|claims|detection)\.|/acceleration\.csv$|/logs/"
     r"|(_acceleration|/benchmark_[^/]+)\.(pdf|png)$"
 )
 # Rules that are run for the targets `lifted` and `benchmarks` alone.
@@ -68,6 +68,16 @@ def benchmarked(built, tmp_path_factory):
     return folder
 
 
+@pytest.fixture(scope="module")
+def stabilised(built, tmp_path_factory):
+    """A copy of what has been built, to which the study of stability was added."""
+    folder = tmp_path_factory.mktemp("stabilised") / "project"
+    shutil.copytree(built, folder)
+    run = snakemake(folder, "--", "stability")
+    assert run.returncode == 0, run.stderr
+    return folder
+
+
 def results(folder):
     """Bytes of every result and figure that is no measured time, by path."""
     return {
@@ -85,7 +95,12 @@ def planned(folder, *arguments):
     if "Nothing to be done" in output:
         return set()
     table = output.partition("Job stats:")[2].partition("total")[0]
-    return set(re.findall(r"^(\w+) +\d+$", table, re.MULTILINE)) - {"all", "lifted", "benchmarks"}
+    return set(re.findall(r"^(\w+) +\d+$", table, re.MULTILINE)) - {
+        "all",
+        "lifted",
+        "benchmarks",
+        "stability",
+    }
 
 
 def test_everything_is_built(built):
@@ -256,6 +271,66 @@ def test_only_measurements_whose_code_changed_are_made_anew(benchmarked):
         rules = planned(benchmarked, "--", "benchmarks")
     tables = {"certificates", "thresholds", "timing_table"}
     assert rules == {"lifted_model", "skipping"} | tables
+
+
+def test_stability_is_a_target_of_its_own(built, stabilised):
+    assert not list(built.glob("small/**/stability*"))
+    before, after = results(built), results(stabilised)
+    assert before == {path: after[path] for path in before}
+    assert planned(stabilised, "--", "all", "stability") == set()
+    figures = {path.name for path in (stabilised / "small" / "figures").glob("stability_*")}
+    names = (
+        "limits", "growth", "operators", "smoothing", "map_damped_forced_few",
+        "amplitude_waves_uniform10", "snapshots_waves_uniform10",
+    )  # fmt: skip
+    assert figures == {f"stability_{name}.{form}" for name in names for form in ("pdf", "png")}
+
+
+def test_stability_is_told_in_tables(stabilised):
+    def table(name):
+        return pd.read_csv(stabilised / "small" / "results" / f"{name}.csv")
+
+    limits = table("stability")
+    assert (limits.relative_difference.abs() < 0.01).all()
+    assert set(limits.model) == {
+        "sph", "lifted_full", "original", "frozen10", "lifted_euler", "lifted_exact",
+    }  # fmt: skip
+    assert set(limits[limits.modes > 0].scene) == {"waves", "damped_forced", "graded"}
+    growth = table("growth")
+    euler = growth[growth.integrator == "explicit_euler"].dropna(subset=["measured_energy_growth"])
+    ratio = euler.measured_energy_growth / euler.predicted_energy_growth
+    np.testing.assert_allclose(ratio, 1, rtol=1e-3)
+    assert set(euler.scene) == {"waves", "two_moduli"}
+    assert growth.energy_drift.dropna().max() < 1e-10
+    random = table("random_bases")
+    assert (random.energy_growing == 0).all()
+    assert random.set_index("scene").euclidean_growing["two_moduli"] > 0
+    assert list(table("smoothing_ranking").velocity_rank) == [1, 2, 3, 4]
+    assert set(table("edge_scenes").verdict) == {"holds", "told"}
+    assert set(table("machine").verdict) == {"independent"}
+    outcomes = table("poor_snapshots").outcome.dropna()
+    assert not outcomes.str.contains("beyond").any()
+    amplitude = table("amplitude").set_index("model")
+    assert (amplitude.velocity_error["lifted_exact"].dropna() < 1e-2).all()
+    assert table("detection").part_for_watching.notna().all()
+    assert not table("operators").empty
+
+
+def test_what_is_foretold_stands_in_dataset_log_and_terminal(built, tmp_path):
+    folder = copy_of_project(tmp_path, built)
+    scenes = "waves", "damped_forced"
+    run = snakemake(folder, "--", *(f"small/results/{scene}/sph.nc" for scene in scenes))
+    assert run.returncode == 0, run.stderr
+    told = run.stdout + run.stderr
+    sentence = "explicit Euler lets the energy of the solution grow by 2.7 % over 1 s"
+    assert told.count("lets the energy of the solution grow") == 1
+    assert f"scene waves: time_step = 0.002: {sentence}" in told
+    for scene, grows in zip(scenes, (True, False), strict=True):
+        with xr.open_dataset(folder / f"small/results/{scene}/sph.nc") as file:
+            assert file.attrs["fastest_wave_growth"] >= 1
+            assert (file.attrs["energy_growth"] > 1.01) is grows
+        log = (folder / f"small/results/logs/{scene}/sph.log").read_text()
+        assert (sentence in log) is grows
 
 
 def test_modes_are_chosen_by_tolerance(benchmarked):
