@@ -341,6 +341,8 @@ def test_pictures_are_small_and_of_figures(paper):
     assert set(shown) <= drawn
     measured = DOCUMENTS["docs/performance.md"]
     shown += re.findall(r"!\[[^\]]+\]\(images/(benchmark_.+)\.png\)", measured)
+    studied = DOCUMENTS["docs/stability.md"]
+    shown += re.findall(r"!\[[^\]]+\]\(images/(stability_.+)\.png\)", studied)
     pictures = {path.stem: path for path in (ROOT / "docs" / "images").glob("*.png")}
     assert set(pictures) == set(shown)
     assert all(path.stat().st_size < 150_000 for path in pictures.values())

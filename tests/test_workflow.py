@@ -328,7 +328,7 @@ def test_what_is_foretold_stands_in_dataset_log_and_terminal(built, tmp_path):
     for scene, grows in zip(scenes, (True, False), strict=True):
         with xr.open_dataset(folder / f"small/results/{scene}/sph.nc") as file:
             assert file.attrs["fastest_wave_growth"] >= 1
-            assert (file.attrs["energy_growth"] > 1.01) is grows
+            assert (file.attrs["energy_growth"] > 1.01) == grows
         log = (folder / f"small/results/logs/{scene}/sph.log").read_text()
         assert (sentence in log) is grows
 
