@@ -25,7 +25,7 @@ from sphpod.kernel import stencil_weights
 from sphpod.propagator import prepare as prepare_jumps
 from sphpod.scene import ABSENT, Scene, derivative_matrix
 from sphpod.sph import State, wrap
-from sphpod.stability import Breakdown
+from sphpod.stability import Breakdown, warn_of_step
 
 FIXED_STEP = ("explicit_euler", "symplectic_euler", "leapfrog")
 ADAPTIVE = ("rk45", "dop853")
@@ -118,6 +118,8 @@ def solve(
     """
     shape = scene.error_times.size, scene.particle_count
     velocity, strain = np.empty(shape), np.empty(shape)
+    if integrator in ("symplectic_euler", "leapfrog"):
+        warn_of_step(scene, integrator, time_step or scene.time_step)
     failed = prepare(scene, integrator, time_step, tolerance, start)(velocity, strain)
     if failed >= 0:
         row, particle = divmod(failed, scene.particle_count)

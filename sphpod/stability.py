@@ -179,6 +179,23 @@ def foretell(scene):
     return told
 
 
+def warn_of_step(scene, integrator, time_step):
+    """Tell in the log of a step of symplectic Euler or leapfrog that may let the fastest wave grow.
+
+    Both are stable for Δt ω ≤ 2, and damping only helps; the bound of ω is taken.
+    """
+    largest = 2 / fastest_wave(scene)
+    if time_step > largest:
+        logging.getLogger(__name__).warning(
+            "scene %s: time_step = %g: %s may let the fastest wave grow without end; up to %.3g s "
+            "it does not",
+            scene.name,
+            time_step,
+            integrator,
+            0.995 * largest,  # not rounded beyond it
+        )
+
+
 def _dampings(scene):
     """Smallest and largest damping coefficient [1/s]."""
     damping = scene.damping_values()

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scenes import VARIED, scene
 from scipy.linalg import expm
 
-from sphpod import lifted, sph
+from sphpod import lifted, sph, stability
 from sphpod.error import relative_error
 from sphpod.kernel import derivative, stencil_weights
 from sphpod.stability import Breakdown
@@ -294,3 +294,17 @@ def test_time_steps_that_do_not_divide_the_error_interval_are_refused(dt):
 def test_unknown_integrators_are_refused():
     with pytest.raises(ValueError, match="integrator = euler: allowed are explicit_euler, "):
         lifted.solve(scene(), "euler")
+
+
+@pytest.mark.parametrize("integrator", ["symplectic_euler", "leapfrog"])
+def test_a_step_beyond_the_limit_is_told_of(integrator, caplog):
+    """Even where the run is too short to show it."""
+    case = scene("waves", duration=0.5, error_interval=0.1)
+    limit = 2 / stability.fastest_wave(case)
+    assert 0.1 < limit < 0.25
+    lifted.solve(case, integrator, 0.1)
+    assert not caplog.records
+    lifted.solve(scene("waves", duration=0.5, error_interval=0.25), integrator, 0.25)
+    (record,) = caplog.records
+    assert record.getMessage().startswith(f"scene waves: time_step = 0.25: {integrator} may let")
+    assert float(record.getMessage().split(" up to ")[1].split()[0]) <= limit
