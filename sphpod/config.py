@@ -18,6 +18,7 @@ import yaml
 
 from sphpod import exact, snapshots
 from sphpod import scene as scenes
+from sphpod.kernel import neighbour_count
 
 try:
     from yaml import CSafeLoader as SafeLoader  # ten times as fast
@@ -593,10 +594,14 @@ def _check_benchmark(config: dict[str, Any]) -> None:
 def _resolved_stability(settings: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
     """Check what is asked of stability; studies are of the first sampled scene if none is named."""
     first = {name: next(iter(s["samplings"])) for name, s in known.items() if s["samplings"]}
+    struck = {n: s for n, s in first.items() if np.any(_physics(n, known).velocity0())}
     usual = dict(list(first.items())[:1])
-    stability: dict[str, Any] = (
-        DEFAULT_STABILITY | dict.fromkeys(STABILITY_STUDIES, usual) | settings
-    )
+    stability: dict[str, Any] = {
+        **DEFAULT_STABILITY,
+        **dict.fromkeys(STABILITY_STUDIES, usual),
+        "amplitude": dict(list(struck.items())[:1]),
+        **settings,
+    }
     for study in STABILITY_STUDIES:
         for name, sampling in stability[study].items():
             key = f"stability.{study}"
@@ -605,11 +610,29 @@ def _resolved_stability(settings: dict[str, Any], known: dict[str, Any]) -> dict
             if sampling not in known[name]["samplings"]:
                 allowed = _known("sampling", known[name]["samplings"])
                 raise _refusal(None, f"{key}.{name}", sampling, allowed)
+            if study == "amplitude" and not np.any(_physics(name, known).velocity0()):
+                raise _refusal(
+                    None, key, name, "it must be a scene with an initial velocity, which is scaled"
+                )
+    for ratio in stability["smoothing_ratios"]:
+        for name, scene in known.items():
+            if 2 * neighbour_count(ratio) + 1 > scene["particle_count"]:
+                raise _refusal(
+                    None,
+                    "stability.smoothing_ratios",
+                    ratio,
+                    f"the kernel's support of 4h would wrap round the domain of scene {name}, "
+                    f"which has {scene['particle_count']} particles",
+                )
     _check_runs(stability, known)
     stability["scenes"] = {
         name: _edge_scene(name, scene, known) for name, scene in stability["scenes"].items()
     }
     return stability
+
+
+def _physics(name: str, known: Mapping[str, Any]) -> scenes.Scene:
+    return scenes.Scene.from_settings(name, known[name])
 
 
 def _check_runs(stability: Mapping[str, Any], known: Mapping[str, Any]) -> None:
@@ -626,13 +649,13 @@ def _check_runs(stability: Mapping[str, Any], known: Mapping[str, Any]) -> None:
                 raise _refusal(
                     None, f"stability.{study}.{key}", value, f"allowed are {', '.join(names)}"
                 )
-        if not scenes.Scene.from_settings(run["scene"], known[run["scene"]]).is_conservative:
-            raise _refusal(
-                None,
-                f"stability.{study}.scene",
-                run["scene"],
-                "it must be a scene without damping and force",
-            )
+        scene = _physics(run["scene"], known)
+        if not scene.is_conservative:
+            allowed = "it must be a scene without damping and force"
+            raise _refusal(None, f"stability.{study}.scene", run["scene"], allowed)
+        if study == "random_run" and not np.ptp(scene.density0()) + np.ptp(scene.modulus()):
+            allowed = "its density or modulus must vary, or no model of random modes grows"
+            raise _refusal(None, f"stability.{study}.scene", run["scene"], allowed)
     if "mode_count" in stability.get("long_run", {}):
         run = stability["long_run"]
         _check_modes(
@@ -659,9 +682,7 @@ def _edge_scene(name: str, settings: dict[str, Any], others: Mapping[str, Any]) 
     for given, value in settings.items():
         if given not in scenes.PHYSICS_KEYS:
             allowed = ", ".join(scenes.PHYSICS_KEYS)
-            raise _refusal(
-                None, f"{key}.{given}", value, f"only what the solution depends on, {allowed}"
-            )
+            raise _refusal(None, f"{key}.{given}", value, f"unknown here; allowed are {allowed}")
     scene = {"error_interval": settings["duration"] / DEFAULT_ERROR_SAMPLES, **settings}
     try:
         scenes.check_setting(scenes.Scene.from_settings(name, scene))

@@ -112,4 +112,5 @@ def rows(place: Mapping[str, Any], measured: Mapping[str, np.ndarray]) -> Iterat
             "part_for_watching": float(median),
             "interquartile_range": float(upper - lower),
             "allowed": ALLOWED,
+            "verdict": "within" if median <= ALLOWED else "above",
         }

@@ -239,10 +239,7 @@ def particles(scene: Scene) -> Iterator[Check]:
     size = np.abs(weighted.data).max()
     uneven = np.abs((weighted + weighted.T).data).max(initial=0) / size
     yield Check("asymmetry of V_i G_ij", "particles", uneven, rounding)
-    # A wave √2 sin(2πx/L) moves as much as translation by 1, and its gradient is 2π/L in the mean.
-    still = scene.derivative(np.ones(scene.particle_count))
-    strained = np.sqrt(scene.volumes @ still**2 / scene.domain_length)
-    share = strained * scene.domain_length / (2 * np.pi)
+    share = stability.translation_strain(scene)
     limit = ROUNDING if scene.is_even else np.inf
     yield Check("strain by translation, of that by the longest wave", "particles", share, limit)
 

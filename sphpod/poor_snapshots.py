@@ -30,6 +30,9 @@ ROUNDING = 1e-11
 """Of the largest energy norm, by which an error may exceed its bound."""
 
 
+OUTCOMES = {True: "within its bound", False: "beyond its bound"}
+
+
 def study(
     scene: Scene,
     taken: Arrays,
@@ -115,6 +118,7 @@ def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
             "noise": level,
             "error": error,
             "bound": bound,
+            "outcome": OUTCOMES[error <= bound + ROUNDING],
             "original_error": original,
         }
 
@@ -224,8 +228,7 @@ def judge(
     size = energy_norms(scene, lambda part: (full["velocity"][part], full["strain"][part])).max()
     bound, _ = certificate.error_bounds(prepared, state)
     holds = np.all(error <= bound + ROUNDING * size)
-    outcome = "within its bound" if holds else "beyond its bound"
-    return rank, error.max() / size, bound.max() / size, outcome
+    return rank, error.max() / size, bound.max() / size, OUTCOMES[bool(holds)]
 
 
 def original_error(scene: Scene, snapshots: Arrays, full: Arrays, mode_count: int) -> float:

@@ -63,8 +63,10 @@ def first_broken(limit, coordinates, modes, rows):
 def fastest_wave(scene):
     """Upper bound of the angular frequency of the fastest wave that the particles carry.
 
-    The waves are the singular values of K = diag(ρ0)^(-1/2) G diag(c)^(1/2) with the SPH
-    derivative G; two bounds of its 2-norm are taken, the smaller is returned.
+    The frequencies of waves are the singular values of A = diag(V/ρ0)^(1/2) G diag(c/V)^(1/2) with
+    the SPH derivative G. Its 2-norm is at most the root of its largest row sum times its largest
+    column sum of |A|; of evenly spaced particles it is also at most the largest value of the
+    stencil's symbol times the largest √c and 1/√ρ0, and the smaller is taken.
 
     Returns
     -------
@@ -101,7 +103,8 @@ def growth_factor(scene, time_step=None):
     """Factor by which explicit Euler lets the fastest-growing wave grow over the duration.
 
     A wave of angular frequency ω under damping d has the rates λ with λ² + dλ + ω² = 0, and a step
-    multiplies it by |1 + Δt λ|.
+    multiplies it by |1 + Δt λ|. Where the damping varies, an eigenvector (u, p) of rate λ with
+    |u| = 1 obeys λ² + λ u*Du + |Aᵀu|² = 0: its own d and ω lie between the scene's extremes.
 
     Parameters
     ----------
@@ -125,10 +128,11 @@ def energy_growth(scene):
 
     With the shares p_j of the waves in that energy it is Σ p_j g(ω_j)², g as in `growth_factor`: an
     integral over a measure of which a few steps of Lanczos' method give the Gauss quadrature, exact
-    for polynomials of ω² up to degree 2 `MOMENTS` - 1 (Golub and Meurant). Undamped, g² is so close
-    to one that rounding is what is left. Of a damping that varies the smallest value is taken, so
-    that the growth is rather over-estimated. The profile of a force is looked at in the same way,
-    and the larger growth told.
+    for polynomials of ω² up to degree 2 `MOMENTS` - 1 (Golub and Meurant). Undamped it is the
+    energy of the linear solution, to rounding. Under damping it is an estimate, of which only the
+    side of one is meant: the two rates of a wave are not orthogonal, and of a damping that varies
+    the smallest value is taken. The profile of a force is looked at in the same way, and the larger
+    growth told.
 
     Parameters
     ----------
@@ -152,6 +156,18 @@ def energy_growth(scene):
     return max(growth, default=1.0)
 
 
+def translation_strain(scene):
+    """Strain rate of a translation, of that of the longest wave with the same mean square velocity.
+
+    It is zero for evenly spaced particles. For others Σ_j V_j ∇W_ij is not, and as the gradient of
+    the kernel is of the order 1/Δx² it grows with the number of particles.
+    """
+    still = scene.derivative(np.ones(scene.particle_count))
+    # A wave √2 sin(2πx/L) moves as much as translation by 1, and its gradient is 2π/L in the mean.
+    rms = np.sqrt(np.sum(scene.volumes * still**2) / scene.domain_length)
+    return float(rms / (2 * np.pi / scene.domain_length))
+
+
 def foretell(scene):
     """What explicit Euler will do to the waves of a scene, to be stored beside its solution.
 
@@ -161,9 +177,20 @@ def foretell(scene):
     Returns
     -------
     dict
-        energy_growth, as from `energy_growth`, and fastest_wave_growth, as from `growth_factor`.
+        energy_growth, as from `energy_growth`, fastest_wave_growth, as from `growth_factor`, and
+        of particles that are not evenly spaced translation_strain, as from `translation_strain`.
     """
     told = {"energy_growth": energy_growth(scene), "fastest_wave_growth": growth_factor(scene)}
+    if not scene.is_even:
+        told["translation_strain"] = translation_strain(scene)
+        logging.getLogger(__name__).warning(
+            "scene %s: positions.jitter = %g: a translation strains these particles %.2g times as "
+            "much as the longest wave does, so that the solution does not tend to that of the "
+            "line, however many particles there are",
+            scene.name,
+            scene.jitter,
+            told["translation_strain"],
+        )
     if told["energy_growth"] > REPORTED_GROWTH:
         logging.getLogger(__name__).warning(
             "scene %s: time_step = %g: explicit Euler lets the energy of the solution grow by "

@@ -654,3 +654,71 @@ def test_sizes_of_the_benchmark_by_default(load):
     assert benchmark == config.DEFAULT_BENCHMARK
     given = load(wave() | {"benchmark": {"particle_counts": [13, 1e2]}})["benchmark"]
     assert given == benchmark | {"particle_counts": [13, 100]}
+
+
+# ------------------------------------------------------------------------------- stability
+
+
+EDGE = {key: value for key, value in WAVE.items() if key not in ("references", "samplings")}
+STABILITY_REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "key": ({"mapp": {}}, "stability.mapp = {}: unknown key, did you mean map?"),
+    "scene": ({"map": {"waves": "few"}}, "stability.map = waves: no such scene; allowed are wave"),
+    "sampling": ({"map": {"wave": "fews"}}, "stability.map.wave = fews: the scene has no such"),
+    "ratio": ({"smoothing_ratios": [0.9, 1.04]}, "it must be above 1"),
+    "usual ratio": ({"smoothing_ratios": [1.1, 1.2]}, "1.04 must be among them"),
+    "wide ratio": ({"smoothing_ratios": [1.04, 30]}, "30: the kernel's support of 4h would wrap"),
+    "still": (
+        {"amplitude": {"still": "few"}},
+        "still: it must be a scene with an initial velocity",
+    ),
+    "damped run": (
+        {"random_run": {"scene": "damped"}},
+        "damped: it must be a scene without damping",
+    ),
+    "uniform run": ({"random_run": {"scene": "wave"}}, "wave: its density or modulus must vary"),
+    "run": ({"random_run": {"scene": "waves"}}, "stability.random_run.scene = waves: allowed are"),
+    "run's modes": (
+        {"long_run": {"scene": "wave", "sampling": "few", "mode_count": 9}},
+        "stability.long_run.mode_count = 9: more modes than",
+    ),
+    "edge's name": ({"scenes": {"wave": EDGE}}, "this name is taken by a scene"),
+    "edge's key": (
+        {"scenes": {"edge": EDGE | {"samplings": {}}}},
+        "stability.scenes.edge.samplings = {}: unknown here; allowed are domain_length",
+    ),
+    "edge's modulus": (
+        {"scenes": {"edge": EDGE | {"youngs_modulus": -1}}},
+        "scene edge: youngs_modulus = -1: it is -1 at x = 0 and must be positive",
+    ),
+    "jitter": (
+        {"scenes": {"edge": EDGE | {"positions": {"jitter": 0.6}}}},
+        "scene edge: positions.jitter = 0.6: it must be from 0 to below 0.5",
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "answer"), STABILITY_REFUSED.values(), ids=STABILITY_REFUSED)
+def test_what_stability_cannot_study_is_refused(load, changes, answer):
+    scenes = {
+        "wave": WAVE,
+        "damped": WAVE | {"damping": 1},
+        "still": WAVE | {"initial_velocity": 0, "force": "1e-3*sin(t)"},
+    }
+    with pytest.raises(config.ConfigError) as caught:
+        load({"scenes": scenes, "stability": {"smoothing_ratios": [1.04, 1.2], **changes}})
+    assert answer in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_stability_is_studied_of_the_first_scene_that_can_be(load):
+    still = WAVE | {"initial_velocity": 0, "force": "1e-3*sin(t)"}
+    unsampled = {key: value for key, value in WAVE.items() if key != "samplings"}
+    resolved = load({"scenes": {"unsampled": unsampled, "still": still, "wave": WAVE}})
+    found = {study: resolved["stability"][study] for study in config.STABILITY_STUDIES}
+    assert found == {
+        "map": {"still": "uniform10"},
+        "snapshots": {"still": "uniform10"},
+        "amplitude": {"wave": "uniform10"},
+    }
+    alone = load({"scenes": {"unsampled": unsampled}})["stability"]
+    assert [alone[study] for study in config.STABILITY_STUDIES] == [{}, {}, {}]

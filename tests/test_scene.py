@@ -198,3 +198,22 @@ def test_jittered_particles_fill_the_domain():
     assert case.volumes.sum() == pytest.approx(1)
     np.testing.assert_allclose(case.volumes, (gaps + np.roll(gaps, 1)) / 2)
     assert scene(positions={"jitter": 0}).positions.tolist() == scene().positions.tolist()
+
+
+def test_what_jitter_loses_is_told(caplog):
+    shares = []
+    for count in (40, 80):
+        case = scene(
+            "jittered", particle_count=count, time_step=1e-5, error_interval=1e-2, **JITTER
+        )
+        told = stability.foretell(case)
+        (record,) = caplog.records
+        assert record.getMessage().startswith(
+            "scene jittered: positions.jitter = 0.3: a translation"
+        )
+        shares.append(told["translation_strain"])
+        caplog.clear()
+    # More particles do not help.
+    assert shares[1] > 1.5 * shares[0] > 0.5
+    assert stability.translation_strain(scene()) < 1e-12
+    assert "translation_strain" not in stability.foretell(scene(time_step=1e-5))

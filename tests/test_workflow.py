@@ -464,3 +464,24 @@ def test_lint_asks_only_for_containers(built):
     run = snakemake(built, "--lint")
     complaints = set(re.findall(r"^ +\* (.*)", run.stdout + run.stderr, re.MULTILINE))
     assert complaints == {"Specify a conda environment or container for each rule.:"}
+
+
+@pytest.mark.parametrize("scenes", ["damped_forced", "two_moduli", "jittered"])
+def test_stability_is_studied_of_scenes_of_ones_own(built, tmp_path, scenes):
+    """Without a conservative scene, without any sampling, and of jittered particles."""
+    folder = copy_of_project(tmp_path, built)
+    scene = yaml.safe_load((folder / "config/small.yaml").read_text())["scenes"]
+    own = {key: value for key, value in scene["waves"].items() if key not in ("acceleration",)}
+    own |= {"positions": {"jitter": 0.2, "seed": 1}, "references": ["exact"]}
+    own["figures"] = [{"kind": "profile"}, {"kind": "modes", "sampling": "uniform10"}]
+    settings = {"output": "own", "scenes": {scenes: own if scenes == "jittered" else scene[scenes]}}
+    settings["stability"] = {"random_bases": 5, "smoothing_ratios": [1.04, 1.2]}
+    (folder / "config/small.yaml").write_text(yaml.safe_dump(settings))
+    run = snakemake(folder, "--", "stability", *(["all"] if scenes == "jittered" else []))
+    assert run.returncode == 0, run.stderr
+    drawn = {path.stem for path in (folder / "own/figures").glob("stability_*.png")}
+    assert {"stability_limits", "stability_smoothing"} <= drawn
+    assert ("stability_growth" in drawn) is (scenes != "damped_forced")
+    assert ("stability_operators" in drawn) is (scenes != "two_moduli")
+    with xr.open_dataset(folder / f"own/results/{scenes}/sph.nc") as file:
+        assert ("translation_strain" in file.attrs) is (scenes == "jittered")

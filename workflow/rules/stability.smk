@@ -116,6 +116,7 @@ rule random_bases:
     params:
         physics=physics,
         bases=CONFIG["stability"]["random_bases"],
+        seed=seed_of_scene,
         code=code("random_bases.py"),
     message:
         "{wildcards.scene}: spectra of reduced operators of random bases"

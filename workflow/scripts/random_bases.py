@@ -10,7 +10,7 @@ if __name__ == "__main__":
     count = snakemake.params.bases
     dataset.write(
         snakemake.output[0],
-        reduced_operators.of_random_bases(scene, count, seed=0),
+        reduced_operators.of_random_bases(scene, count, snakemake.params.seed),
         title=f"Spectra of operators of {name} on random bases",
         settings={"scene": name, **physics, "random_bases": count},
         code=snakemake.params.code,
