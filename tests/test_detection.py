@@ -57,6 +57,40 @@ def test_the_lifted_full_model_is_watched_as_by_brute_force(integrator, changes,
     assert lifted.prepare(case, integrator)(*kept.copy()) == expected
 
 
+@each
+@pytest.mark.parametrize("integrator", lifted.FIXED_STEP)
+@settings(max_examples=12)
+@given(
+    speed=st.floats(1e-4, 1),
+    damping=st.sampled_from([None, 3, 900, "1e3*(1 + sin(2*pi*x/L))"]),
+    step=st.sampled_from([1e-3, 5e-3]),
+)
+def test_no_strain_exceeds_its_bound(integrator, changes, speed, damping, step):
+    """With any damping and force; where the bound is below one, nothing need be watched."""
+    case = struck(speed, changes | ({} if damping is None else {"damping": damping}))
+    case = replace(case, time_step=step, error_interval=2 * step)
+    rng = np.random.default_rng(0)
+    start = case.velocity0(), 0.1 * speed * rng.standard_normal(case.particle_count)
+    bound = lifted.strain_bound(case, integrator, step, start)
+    kept = np.zeros((2, case.error_times.size, case.particle_count))
+    with np.errstate(over="ignore", invalid="ignore"):
+        lifted.prepare(case, integrator, start=start)(*kept, watch=False)
+        found = np.abs(kept[1]).max()
+    assert not found > bound * (1 + 1e-12)
+
+
+def test_the_bound_is_of_use():
+    """It is below one in scenes like the paper's, and nothing where there is nothing to tell."""
+    case = scene(duration=5, error_interval=0.01)
+    rest = np.zeros(case.particle_count)
+    for integrator in lifted.FIXED_STEP:
+        assert lifted.strain_bound(case, integrator, 1e-3, (case.velocity0(), rest)) < 0.3
+        assert lifted.strain_bound(case, integrator, 1e-3, (rest * np.nan, rest)) == np.inf
+    assert lifted.strain_bound(case, "leapfrog", 1.0, (case.velocity0(), rest)) == np.inf
+    endless = scene(force="where(t < 0.5, 1, 1/(0*t))")
+    assert lifted.strain_bound(endless, "leapfrog", 1e-3, (rest, rest)) == np.inf
+
+
 def test_both_fates_are_met():
     """Of the speeds above, the smallest leave the line whole, the largest fold it."""
     for speed, folds in ((0.05, False), (3, True)):
