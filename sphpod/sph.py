@@ -91,6 +91,8 @@ def prepare(
         neighbours = "stencil" if scene.is_even else "lists"
     elif neighbours == "stencil" and not scene.is_even:
         raise ValueError(f"scene {scene.name}: neighbours = stencil: jittered particles need lists")
+    # Of one type whatever was given: the kernel is compiled for that alone.
+    steps = np.ascontiguousarray(steps, np.int64)
     first_step = 0 if start is None else int(steps[0])
     velocity_now, density_now = start or (scene.velocity0(), scene.density0())
     amplitude, profile = scene.force_values(np.arange(steps[-1]) * scene.time_step)
