@@ -14,6 +14,7 @@ from sphpod.machine_code import kept
 
 
 def _compile(function: Callable[..., Any], fastmath: set[str]) -> Any:
+    vars(function)["fastmath"] = fastmath
     with kept(function) as cache:
         return njit(cache=cache, fastmath=fastmath, error_model="numpy")(function)
 

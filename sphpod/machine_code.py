@@ -85,8 +85,10 @@ def frozen(function: Callable[..., Any]) -> tuple:
     """What numba compiles into a kernel: its code, and constants and kernels that it names.
 
     Taken from what Python runs, which is not what its files say if they are edited meanwhile.
+    ``fastmath``, an attribute of the function, are the liberties that the compiler may take.
     """
     code, known = function.__code__, function.__globals__
+    liberties = sorted(getattr(function, "fastmath", ()))
     values = [(name, known[name]) for name in code.co_names if name in known]
     values += [
         (name, getattr(module, name))
@@ -95,7 +97,7 @@ def frozen(function: Callable[..., Any]) -> tuple:
         for name in code.co_names
         if hasattr(module, name)
     ]
-    return _code(code), tuple((name, _value(value)) for name, value in values)
+    return liberties, _code(code), [(name, _value(value)) for name, value in values]
 
 
 def _code(code: CodeType) -> tuple:
