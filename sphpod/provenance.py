@@ -1,25 +1,28 @@
-"""Which code a result depends on: a digest of all that a script imports from this package.
+"""Which code a result depends on: a digest of a script and all that it imports from this package.
 
 A rule of the workflow keeps the digest of its script as a parameter. It changes with the code of
-the modules that the script imports, directly or not, but not with a comment, a docstring or the
-layout of a line; so exactly the results that an edit may have changed are made anew.
+the script and of the modules that it imports, directly or not, and with the version of a library
+that computes numbers, but not with a comment, a docstring, the layout of a line or the date of a
+file; so exactly the results that an edit may have changed are made anew.
 """
 
 import ast
 import functools
 import hashlib
 import os
+from importlib import metadata
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent
 
+LIBRARIES = "numpy", "scipy", "numba"
+"""Libraries whose version may change numbers."""
+
 
 def digest(script: str | os.PathLike[str]) -> str:
-    """Digest of the code of all modules of this package that a script imports.
-
-    The script itself is left out: Snakemake watches it.
-    """
-    code = "\n".join(map(_fingerprint, closure(script)))
+    """Digest of a script, of all modules of this package that it imports, and of `LIBRARIES`."""
+    modules = map(_fingerprint, closure(script))
+    code = "\n".join((_structure(_tree(Path(script))), *modules, *_versions()))
     return hashlib.sha256(code.encode()).hexdigest()[:16]
 
 
@@ -35,6 +38,11 @@ def closure(script: str | os.PathLike[str]) -> tuple[str, ...]:
         found.add(module := pending.pop())
         pending |= _imports(_source(module)) - found
     return tuple(sorted(found))
+
+
+@functools.cache
+def _versions() -> tuple[str, ...]:
+    return tuple(f"{library} {metadata.version(library)}" for library in LIBRARIES)
 
 
 def _source(module: str) -> Path:
