@@ -7,7 +7,7 @@ same bytes.
 
 import json
 import os
-import platform
+import sys
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -420,7 +420,9 @@ def write(
             if meaning.coordinates:
                 texts["coordinates"] = meaning.coordinates
             variable.setncatts({key: text for key, text in texts.items() if text})
-            stored = np.asarray(values, object if meaning.dtype is str else meaning.dtype)
+            stored: np.ndarray = np.asarray(
+                values, object if meaning.dtype is str else meaning.dtype
+            )
             variable[...] = stored
             checksums[name] = _checksum(variable, stored)
         file.setncattr(CHECKSUMS, json.dumps(checksums))
@@ -486,12 +488,12 @@ def foreign(path: str | os.PathLike[str]) -> str:
 
 @contextmanager
 def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[netCDF4.Dataset, dict[str, int]]]:
-    """A file to read and the checksums of its variables; its attributes are as they were written."""
+    """A file to read, whose attributes are as they were written, and its variables' checksums."""
     try:
         with netCDF4.Dataset(path) as file:
             file.set_auto_maskandscale(False)
             checksums = json.loads(file.getncattr(CHECKSUMS))
-            if checksums.pop("attributes") != _attributes_checksum(file):
+            if checksums.pop("attributes", None) != _attributes_checksum(file):
                 raise ValueError(CHECKSUMS)
             if set(checksums) != set(file.variables):
                 raise ValueError(CHECKSUMS)
@@ -530,7 +532,7 @@ def _environment() -> str:
     """Versions of what is used to compute and to write."""
     libraries = "numpy", "scipy", "numba", "llvmlite", "netCDF4"
     told = (f"{library} {metadata.version(library)}" for library in libraries)
-    return ", ".join((f"Python {platform.python_version()}", *told))
+    return ", ".join((f"Python {sys.version.split()[0]}", *told))
 
 
 def write_table(path: str | os.PathLike[str], table: "pandas.DataFrame") -> None:

@@ -10,6 +10,7 @@ import ast
 import functools
 import hashlib
 import os
+from collections.abc import Iterator
 from importlib import metadata
 from pathlib import Path
 
@@ -59,7 +60,7 @@ def _imports(path: Path) -> frozenset[str]:
     """Modules of this package that a file imports itself."""
     package = PACKAGE.name
     names = set()
-    for node in ast.walk(_tree(path)):
+    for node in _statements(_tree(path).body):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -73,31 +74,43 @@ def _imports(path: Path) -> frozenset[str]:
     return frozenset(modules | {"__init__"} if modules or package in names else ())
 
 
+def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    """All statements of a body, those inside others too, without a look at expressions."""
+    for statement in body:
+        yield statement
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from _statements(getattr(statement, name, []))
+
+
 @functools.cache
 def _fingerprint(module: str) -> str:
     """The code of a module, and the data files beside it that it names, as text."""
-    tree = _tree(_source(module))
-    texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+    structure = _structure(_tree(_source(module)))
     data = sorted(
-        path for path in PACKAGE.glob("*.*") if path.suffix != ".py" and path.name in texts
+        path
+        for path in PACKAGE.glob("*.*")
+        if path.suffix != ".py" and repr(path.name) in structure
     )
     contents = (hashlib.sha256(path.read_bytes()).hexdigest() for path in data)
-    return "\n".join((module, _structure(tree), *contents))
+    return "\n".join((module, structure, *contents))
 
 
 def _structure(node: object) -> str:
     """The syntax tree as text, without docstrings, positions and what is empty.
 
+    Left out too is whether a name is loaded or stored, which follows from where it stands.
     `ast.dump` would do, but what it says of empty fields depends on the version of Python.
     """
     if isinstance(node, list):
-        return f"[{','.join(_structure(item) for item in node if not _is_docstring(item))}]"
+        return f"[{','.join([_structure(item) for item in node if not _is_docstring(item)])}]"
     if not isinstance(node, ast.AST):
         return repr(node)
-    fields = dict(ast.iter_fields(node))
-    filled = {name: value for name, value in fields.items() if value not in (None, [])}
-    parts = (f"{name}={_structure(value)}" for name, value in filled.items())
-    return f"{type(node).__name__}({','.join(parts)})"
+    filled = [
+        f"{name}={_structure(value)}"
+        for name in node._fields
+        if name != "ctx" and (value := getattr(node, name, None)) is not None and value != []
+    ]
+    return f"{type(node).__name__}({','.join(filled)})"
 
 
 def _is_docstring(node: object) -> bool:
