@@ -16,6 +16,7 @@ include: "workflow/rules/lift.smk"
 include: "workflow/rules/benchmark.smk"
 include: "workflow/rules/stability.smk"
 include: "workflow/rules/report.smk"
+include: "workflow/rules/records.smk"
 
 
 onstart:

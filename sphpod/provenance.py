@@ -1,25 +1,29 @@
-"""Which code a result depends on: a digest of all that a script imports from this package.
+"""Which code a result depends on: a digest of a script and all that it imports from this package.
 
 A rule of the workflow keeps the digest of its script as a parameter. It changes with the code of
-the modules that the script imports, directly or not, but not with a comment, a docstring or the
-layout of a line; so exactly the results that an edit may have changed are made anew.
+the script and of the modules that it imports, directly or not, and with the version of a library
+that computes numbers, but not with a comment, a docstring, the layout of a line or the date of a
+file; so exactly the results that an edit may have changed are made anew.
 """
 
 import ast
 import functools
 import hashlib
 import os
+from collections.abc import Iterator
+from importlib import metadata
 from pathlib import Path
 
 PACKAGE = Path(__file__).parent
 
+LIBRARIES = "numpy", "scipy", "numba"
+"""Libraries whose version may change numbers."""
+
 
 def digest(script: str | os.PathLike[str]) -> str:
-    """Digest of the code of all modules of this package that a script imports.
-
-    The script itself is left out: Snakemake watches it.
-    """
-    code = "\n".join(map(_fingerprint, closure(script)))
+    """Digest of a script, of all modules of this package that it imports, and of `LIBRARIES`."""
+    modules = map(_fingerprint, closure(script))
+    code = "\n".join((_structure(_tree(Path(script))), *modules, *_versions()))
     return hashlib.sha256(code.encode()).hexdigest()[:16]
 
 
@@ -37,6 +41,11 @@ def closure(script: str | os.PathLike[str]) -> tuple[str, ...]:
     return tuple(sorted(found))
 
 
+@functools.cache
+def _versions() -> tuple[str, ...]:
+    return tuple(f"{library} {metadata.version(library)}" for library in LIBRARIES)
+
+
 def _source(module: str) -> Path:
     return PACKAGE / f"{module}.py"
 
@@ -51,7 +60,7 @@ def _imports(path: Path) -> frozenset[str]:
     """Modules of this package that a file imports itself."""
     package = PACKAGE.name
     names = set()
-    for node in ast.walk(_tree(path)):
+    for node in _statements(_tree(path).body):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -65,31 +74,43 @@ def _imports(path: Path) -> frozenset[str]:
     return frozenset(modules | {"__init__"} if modules or package in names else ())
 
 
+def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    """All statements of a body, those inside others too, without a look at expressions."""
+    for statement in body:
+        yield statement
+        for name in ("body", "orelse", "finalbody", "handlers", "cases"):
+            yield from _statements(getattr(statement, name, []))
+
+
 @functools.cache
 def _fingerprint(module: str) -> str:
     """The code of a module, and the data files beside it that it names, as text."""
-    tree = _tree(_source(module))
-    texts = {node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)}
+    structure = _structure(_tree(_source(module)))
     data = sorted(
-        path for path in PACKAGE.glob("*.*") if path.suffix != ".py" and path.name in texts
+        path
+        for path in PACKAGE.glob("*.*")
+        if path.suffix != ".py" and repr(path.name) in structure
     )
     contents = (hashlib.sha256(path.read_bytes()).hexdigest() for path in data)
-    return "\n".join((module, _structure(tree), *contents))
+    return "\n".join((module, structure, *contents))
 
 
 def _structure(node: object) -> str:
     """The syntax tree as text, without docstrings, positions and what is empty.
 
+    Left out too is whether a name is loaded or stored, which follows from where it stands.
     `ast.dump` would do, but what it says of empty fields depends on the version of Python.
     """
     if isinstance(node, list):
-        return f"[{','.join(_structure(item) for item in node if not _is_docstring(item))}]"
+        return f"[{','.join([_structure(item) for item in node if not _is_docstring(item)])}]"
     if not isinstance(node, ast.AST):
         return repr(node)
-    fields = dict(ast.iter_fields(node))
-    filled = {name: value for name, value in fields.items() if value not in (None, [])}
-    parts = (f"{name}={_structure(value)}" for name, value in filled.items())
-    return f"{type(node).__name__}({','.join(parts)})"
+    filled = [
+        f"{name}={_structure(value)}"
+        for name in node._fields
+        if name != "ctx" and (value := getattr(node, name, None)) is not None and value != []
+    ]
+    return f"{type(node).__name__}({','.join(filled)})"
 
 
 def _is_docstring(node: object) -> bool:

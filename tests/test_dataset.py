@@ -2,16 +2,19 @@
 
 import json
 import os
+import random
 import subprocess
 import sys
 import time
+from importlib import metadata
 
+import netCDF4
 import numpy as np
 import pandas as pd
 import pytest
 import xarray as xr
 
-from sphpod import __version__, dataset
+from sphpod import __version__, dataset, job
 
 SETTINGS = {"scene": "waves", "time_step": 2e-4, "references": ["fd", "exact"]}
 
@@ -78,7 +81,10 @@ def test_a_file_describes_itself(tmp_path):
     with xr.open_dataset(tmp_path / "sph.nc") as file:
         assert file.attrs["Conventions"] == "CF-1.11"
         assert file.attrs["title"] == "A title"
-        assert file.attrs["source"] == f"sphpod {__version__}, code c0de"
+        source = file.attrs["source"]
+        assert source.startswith(f"sphpod {__version__}, code c0de; Python ")
+        for library in ("numpy", "scipy", "numba", "llvmlite", "netCDF4"):
+            assert f", {library} {metadata.version(library)}" in source
         assert "Mass-Spring-Damper" in file.attrs["references"]
         assert file.attrs["settings"] == json.dumps(SETTINGS, sort_keys=True)
         assert file.velocity.dims == ("t", "x")
@@ -109,6 +115,88 @@ def test_same_data_same_bytes_in_every_process(tmp_path):
     subprocess.run([sys.executable, "-c", program, folder, tmp_path / "c.nc"], check=True)
     contents = {(tmp_path / name).read_bytes() for name in ("a.nc", "b.nc", "c.nc")}
     assert len(contents) == 1
+
+
+def spoil(path, content):
+    # A name of its own for each: HDF5 would take a file that it could not open for open still.
+    path = path.with_name(f"{len(list(path.parent.iterdir()))}.nc")
+    path.write_bytes(content)
+    return path
+
+
+def test_a_flipped_bit_is_found_or_changes_nothing(tmp_path):
+    arrays = solution() | {"solution": np.array(["sph", "fd"]), "folding_amplitude": np.array(0.1)}
+    write(tmp_path / "sph.nc", arrays)
+    content, draw = (tmp_path / "sph.nc").read_bytes(), random.Random(0)
+    said = []
+    for place in draw.sample(range(len(content)), 400):
+        flipped = bytearray(content)
+        flipped[place] ^= 1 << draw.randrange(8)
+        path = spoil(tmp_path / "sph.nc", flipped)
+        try:
+            back, told = dataset.read(path), dataset.settings(path)
+        except ValueError as refusal:
+            said.append(str(refusal).removeprefix(str(path)))
+            continue
+        assert told == SETTINGS
+        assert list(back) == list(arrays)
+        for name, values in arrays.items():
+            np.testing.assert_array_equal(back[name], values)
+    assert set(said) == {": is not what its rule wrote; delete it"}
+    assert len(said) > 100
+
+
+def test_any_other_number_is_found(tmp_path):
+    # The bytes of one number, found in the file by their value.
+    arrays = solution(20, 40)
+    write(tmp_path / "sph.nc", arrays)
+    content = (tmp_path / "sph.nc").read_bytes()
+    old, new = arrays["velocity"][3, 5].tobytes(), np.float64(0).tobytes()
+    assert content.count(old) == 1
+    path = spoil(tmp_path / "sph.nc", content.replace(old, new))
+    for name in ("velocity", "density"):
+        assert dataset.read(tmp_path / "sph.nc", name)
+    with pytest.raises(ValueError, match="is not what its rule wrote; delete it"):
+        dataset.read(path, "velocity")
+    np.testing.assert_array_equal(dataset.read(path, "density")["density"], arrays["density"])
+
+
+@pytest.mark.parametrize("part", [0, 0.01, 0.5, 0.999])
+def test_part_of_a_file_and_text_are_refused(tmp_path, part):
+    write(tmp_path / "sph.nc", solution())
+    content = (tmp_path / "sph.nc").read_bytes()
+    for spoilt in (content[: int(part * len(content))], b"velocity" * int(1000 * part)):
+        path = spoil(tmp_path / "sph.nc", spoilt)
+        for reader in (dataset.read, dataset.read_samples, dataset.settings, dataset.job):
+            with pytest.raises(ValueError, match="is not what its rule wrote; delete it"):
+                reader(path)
+
+
+def test_a_file_that_another_tool_changed_or_wrote_is_refused(tmp_path):
+    write(tmp_path / "sph.nc", solution())
+    with netCDF4.Dataset(tmp_path / "sph.nc", "a") as file:
+        file.title = "Another title"
+    xr.Dataset({"velocity": ("t", [1.0])}).to_netcdf(tmp_path / "other.nc")
+    for name in ("sph.nc", "other.nc"):
+        with pytest.raises(ValueError, match=f"{name}: is not what its rule wrote; delete it"):
+            dataset.settings(tmp_path / name)
+
+
+def test_what_the_system_says_of_a_file_is_enough(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        dataset.read(tmp_path / "missing.nc")
+
+
+def test_a_file_tells_what_its_job_was_given(tmp_path):
+    write(tmp_path / "sph.nc", solution())
+    assert dataset.job(tmp_path / "sph.nc") is None
+    told = {"rule": "sph", "output": ["waves/sph.nc"], "params": ["{'a': 1}"]}
+    path = tmp_path / "waves" / "sph.nc"
+    for place in (path, tmp_path / "graded" / "sph.nc"):
+        dataset.write(place, solution(), title="", settings=SETTINGS, code="", job=told)
+    assert job.given(path) == told
+    with pytest.raises(ValueError, match=r"graded/sph\.nc: is not what its rule wrote; delete it"):
+        job.given(tmp_path / "graded" / "sph.nc")
 
 
 def test_unknown_names_and_wrong_shapes_are_refused(tmp_path):

@@ -1,5 +1,6 @@
 """Code digests: complete, and blind to what computes nothing."""
 
+import os
 import shutil
 import subprocess
 import sys
@@ -23,9 +24,18 @@ def package(tmp_path, monkeypatch):
 
 
 def digest(script):
-    for cached in (provenance._tree, provenance._imports, provenance._fingerprint):
+    return digest_of(ROOT / "workflow" / "scripts" / f"{script}.py")
+
+
+def digest_of(path):
+    for cached in (
+        provenance._tree,
+        provenance._imports,
+        provenance._fingerprint,
+        provenance._versions,
+    ):
         cached.cache_clear()
-    return provenance.digest(ROOT / "workflow" / "scripts" / f"{script}.py")
+    return provenance.digest(path)
 
 
 @pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
@@ -111,3 +121,50 @@ def test_data_files_count_where_they_are_named(package):
     after = digest("figure"), digest("pod")
     assert after[0] != before[0]
     assert after[1] == before[1]
+
+
+def test_the_script_counts_but_neither_its_words_nor_its_date(tmp_path):
+    script = tmp_path / "pod.py"
+    text = (ROOT / "workflow" / "scripts" / "pod.py").read_text()
+    script.write_text(text)
+    before = digest_of(script)
+    os.utime(script, (0, 0))
+    assert digest_of(script) == before
+    script.write_text(text.replace('"""', '"""Told otherwise. ', 1) + "# And an end.\n")
+    assert digest_of(script) == before
+    script.write_text(text.replace("Modes of the", "The modes of the"))
+    assert digest_of(script) != before
+
+
+@pytest.mark.parametrize("library", ["numpy", "scipy", "numba", "matplotlib"])
+def test_versions_of_libraries_count_where_they_change_numbers(tmp_path, monkeypatch, library):
+    before = digest("pod")
+    installed = tmp_path / f"{library}-99.dist-info"
+    installed.mkdir()
+    (installed / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {library}\nVersion: 99\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    assert (digest("pod") != before) is (library != "matplotlib")
+    monkeypatch.undo()
+    assert digest("pod") == before
+
+
+def test_every_statement_and_expression_counts(package):
+    module = package / "pod.py"
+    text = module.read_text() + "\nwith open('a') as file, b:\n    c = d if e else f[1:2]\n"
+    digests = set()
+    for old, new in (
+        ("", ""),
+        ("open('a')", "open('b')"),
+        ("open('a')", "open(b'a')"),
+        ("as file, b", "as b, file"),
+        ("d if e else f", "f if e else d"),
+        ("[1:2]", "[1::2]"),
+        ("[1:2]", "[:2]"),
+        ("c = d", "c: d = d"),
+        ("c = d", "c += d"),
+        ("c = d", "c == d"),
+    ):
+        assert old in text
+        module.write_text(text.replace(old, new) if old else text)
+        digests.add(digest("pod"))
+    assert len(digests) == 10

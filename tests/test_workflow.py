@@ -1,11 +1,13 @@
 """The whole pipeline on config/small.yaml: complete, remade where it must be, safe when killed."""
 
+import json
+import os
 import re
 import shutil
 import subprocess
 import sys
 import time
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -30,11 +32,12 @@ def command(*arguments):
     return [sys.executable, "-m", "snakemake", "--cores", "2", *map(str, arguments)]
 
 
-def snakemake(folder, *arguments):
+def snakemake(folder, *arguments, **environment):
     """Run Snakemake on config/small.yaml in a copy of the project."""
     return subprocess.run(
         command("--configfile", "config/small.yaml", *arguments),
         cwd=folder,
+        env=os.environ | environment,
         capture_output=True,
         text=True,
         check=False,
@@ -176,6 +179,126 @@ def test_code_makes_anew_what_uses_it(built):
         rules = planned(built)
     assert {"pod", "reduced_model", "acceleration", "cpu_time", "figure"} <= rules
     assert not {"sph", "reference", "errors", "snapshots"} & rules
+
+
+def records(folder):
+    """What Snakemake keeps of every result that decides whether it is made anew."""
+    decisive = "rule", "input", "log", "params", "endtime", "input_checksums"
+    return {
+        path.name: {key: json.loads(path.read_text())[key] for key in decisive}
+        for path in (folder / ".snakemake" / "metadata").rglob("*")
+        if path.is_file()
+    }
+
+
+@pytest.fixture(scope="module")
+def bare(benchmarked, tmp_path_factory):
+    """A copy of the benchmarks without the folder that Snakemake keeps."""
+    folder = tmp_path_factory.mktemp("bare") / "project"
+    shutil.copytree(benchmarked, folder, ignore=shutil.ignore_patterns(".snakemake"))
+    return folder
+
+
+def test_results_hold_what_snakemake_keeps_of_them(bare, stabilised, benchmarked, tmp_path):
+    assert planned(bare, "--", "all", "benchmarks") == set()
+    assert records(bare) == records(benchmarked)
+    study = tmp_path / "stabilised"
+    shutil.copytree(stabilised, study, ignore=shutil.ignore_patterns(".snakemake"))
+    assert planned(study, "--", "all", "stability") == set()
+    assert records(study) == records(stabilised)
+
+
+def made_anew(folder, target, **environment):
+    """Results of all jobs that would run for a target, and what is said of their reasons."""
+    run = snakemake(folder, "--dry-run", "--", target, **environment)
+    assert run.returncode == 0, run.stderr
+    said = run.stdout + run.stderr
+    return sorted(re.findall(r"^ +output: (.*)$", said, re.M)), said
+
+
+@pytest.mark.parametrize("change", ["key", "kernel", "library"])
+def test_the_same_is_made_anew_without_what_snakemake_keeps(benchmarked, bare, tmp_path, change):
+    environment = {}
+    if change == "library":
+        numba = tmp_path / "numba-99.dist-info"
+        numba.mkdir()
+        (numba / "METADATA").write_text("Metadata-Version: 2.1\nName: numba\nVersion: 99\n")
+        environment = {"PYTHONPATH": str(tmp_path)}
+    jobs, all_jobs = {}, len(list(benchmarked.glob("small/results/logs/**/*.log")))
+    for folder in (benchmarked, bare):
+        with ExitStack() as changes:
+            if change == "key":
+                changes.enter_context(
+                    edited(
+                        folder / "config/small.yaml", "smoothing_ratio: 1.3", "smoothing_ratio: 1.4"
+                    )
+                )
+            if change == "kernel":
+                kernel = folder / "sphpod/reference.py"
+                changes.enter_context(edited(kernel, "    done = 0\n", "    done = 1 - 1\n"))
+            jobs[folder], said = made_anew(folder, "lifted", **environment)
+        assert "Params have changed since last execution" in said
+    assert jobs[benchmarked] == jobs[bare]
+    made = " ".join(jobs[bare])
+    assert "thresholds.csv" in made
+    assert "graded/reference_centred.nc" in made
+    assert ("graded/sph.nc" in made) is (change != "kernel")
+    assert ("waves/sph.nc" in made) is (change == "library")
+    assert len(jobs[bare]) < all_jobs
+
+
+def test_scripts_count_by_what_they_do_and_not_by_their_dates(built):
+    scripts = built / "workflow" / "scripts"
+    for path in scripts.glob("*.py"):
+        os.utime(path)
+    with edited(scripts / "pod.py", '"""', '# A comment.\n"""'):
+        assert planned(built) == set()
+    script = scripts / "acceleration.py"
+    with edited(script, "Errors of the accelerated", "The errors of the accelerated"):
+        os.utime(script, (0, 0))
+        assert planned(built) == {"acceleration", "figure"}
+
+
+def put_text(path):
+    path.write_text("velocity: 1\n")
+
+
+def put_nothing(path):
+    path.write_bytes(b"")
+
+
+def put_that_of_another_scene(path):
+    shutil.copy2(path.parents[1] / "graded" / path.name, path)
+
+
+def flip_a_byte(path):
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 1
+    path.write_bytes(content)
+
+
+@pytest.mark.parametrize("spoil", [put_text, put_nothing, put_that_of_another_scene, flip_a_byte])
+def test_what_no_rule_wrote_is_refused_and_left_alone(built, spoil):
+    path = built / "small/results/waves/sph.nc"
+    whole, times = path.read_bytes(), (path.stat().st_atime_ns, path.stat().st_mtime_ns)
+    spoil(path)
+    spoilt = path.read_bytes()
+    sentence = "small/results/waves/sph.nc: is not what its rule wrote; delete it"
+    try:
+        run = snakemake(built, "--", "small/results/waves/errors.nc")
+        assert run.returncode == 1
+        assert len(re.findall(f"^(sphpod: )?{sentence}$", run.stderr, re.M)) == 1
+        assert "Traceback" not in run.stderr
+        assert path.read_bytes() == spoilt
+        if spoil is flip_a_byte:
+            assert sentence in (built / "small/results/logs/waves/errors.log").read_text()
+            path.unlink()
+            again = snakemake(built, "--", "small/results/waves/errors.nc")
+            assert again.returncode == 0, again.stderr
+            assert path.read_bytes() == whole
+    finally:
+        path.write_bytes(whole)
+        os.utime(path, ns=times)
 
 
 def test_lifted_models_and_benchmarks_are_targets_of_their_own(built):

@@ -1,10 +1,10 @@
 """Compare the reduced models of an acceleration study with full SPH."""
 
-from sphpod import dataset, error, log, rom
+from sphpod import dataset, error, job, rom
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings, study = dataset.settings(snakemake.input.pod), snakemake.params.study
     scene = Scene.from_settings(settings["scene"], settings)
     pod = dataset.read(snakemake.input.pod)
@@ -16,4 +16,5 @@ if __name__ == "__main__":
         title=f"Errors of the accelerated models of {scene.name}",
         settings=settings | {"study": study},
         code=snakemake.params.code,
+        job=given,
     )

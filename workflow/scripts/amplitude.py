@@ -1,10 +1,10 @@
 """Strike a scene harder and harder, until it folds, with all models."""
 
-from sphpod import amplitude, dataset, log
+from sphpod import amplitude, dataset, job
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     sampling, count = snakemake.params.sampling, max(snakemake.params.mode_counts)
@@ -15,4 +15,5 @@ if __name__ == "__main__":
         title=f"Models of {name} against its amplitude",
         settings={"scene": name, **physics, "sampling": chosen, "mode_counts": [count]},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Time full and reduced models of a study by every method, and tell their errors."""
 
-from sphpod import benchmark, dataset, error, log, timing
+from sphpod import benchmark, dataset, error, job, timing
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.snapshots)
     scene = Scene.from_settings(settings["scene"], settings)
     study, repeats = snakemake.params.study, snakemake.params.repeats
@@ -21,4 +21,5 @@ if __name__ == "__main__":
         title=f"CPU times and errors of the models of {scene.name}",
         settings=settings | {"study": study, "repeats": repeats, "machine": timing.machine()},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,9 +1,9 @@
 """Draw a figure of the benchmarks: its inputs are the arguments of its kind's plotting function."""
 
-from sphpod import benchmark_plots, dataset, log, plotting
+from sphpod import benchmark_plots, dataset, job, plotting
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    job.start(snakemake)
     draw = getattr(benchmark_plots, snakemake.params.kind)
     arrays = {name: dataset.read_samples(path) for name, path in snakemake.input.items()}
     figure = draw(**arrays, **snakemake.params.options)

@@ -2,10 +2,10 @@
 
 import pandas as pd
 
-from sphpod import comparison, dataset, log
+from sphpod import comparison, dataset, job
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    job.start(snakemake)
     effectivities, certificates = [], []
     for path in snakemake.input:
         settings, sweep = dataset.settings(path), dataset.read(path)

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from sphpod import claims, dataset, log
+from sphpod import claims, dataset, job
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    job.start(snakemake)
     results = Path(snakemake.output.table).parent
     rows = claims.table(snakemake.params.claims, cache(lambda path: dataset.read(results / path)))
     dataset.write_table(snakemake.output.table, pd.DataFrame(rows, columns=claims.COLUMNS))

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pandas as pd
 
-from sphpod import conventions, dataset, log, paper
+from sphpod import conventions, dataset, job, paper
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    job.start(snakemake)
     results = Path(snakemake.output.conventions).parent
 
     def read(path, *names):

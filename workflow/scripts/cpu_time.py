@@ -1,10 +1,10 @@
 """Time full SPH and the reduced models of an acceleration study."""
 
-from sphpod import dataset, log, timing
+from sphpod import dataset, job, timing
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.pod)
     scene = Scene.from_settings(settings["scene"], settings)
     study, repeats = snakemake.params.study, snakemake.params.repeats
@@ -15,4 +15,5 @@ if __name__ == "__main__":
         title=f"CPU times of the models of {scene.name}",
         settings=settings | {"study": study, "repeats": repeats, "machine": timing.machine()},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Map the growth of full models against damping and time step."""
 
-from sphpod import dataset, log, stability_map
+from sphpod import dataset, job, stability_map
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     dataset.write(
@@ -13,4 +13,5 @@ if __name__ == "__main__":
         title=f"Stability of {name} against damping and time step",
         settings={"scene": name, **physics},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Time full models that watch for a breakdown, and that do not."""
 
-from sphpod import dataset, detection, log, timing
+from sphpod import dataset, detection, job, timing
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     repeats = snakemake.params.repeats
@@ -14,4 +14,5 @@ if __name__ == "__main__":
         title=f"Cost of watching {name} for a breakdown",
         settings={"scene": name, **physics, "repeats": repeats, "machine": timing.machine()},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Check what must hold of a scene at the edge of what can be computed."""
 
-from sphpod import dataset, edge_scenes, log
+from sphpod import dataset, edge_scenes, job
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     dataset.write(
@@ -13,4 +13,5 @@ if __name__ == "__main__":
         title=f"Checks of {name}",
         settings={"scene": name, **physics},
         code=snakemake.params.code,
+        job=given,
     )

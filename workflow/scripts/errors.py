@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from sphpod import dataset, error, log
+from sphpod import dataset, error, job
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     kinds = list(snakemake.params.kinds)
     files = zip(["sph", *kinds], [snakemake.input.sph, *snakemake.input.references], strict=True)
     paths = dict(files)
@@ -19,4 +19,5 @@ if __name__ == "__main__":
         title=f"Errors of full SPH and of the references of {snakemake.wildcards.scene}",
         settings=dataset.settings(snakemake.input.sph) | {"references": kinds},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,9 +1,9 @@
 """Draw a figure: its inputs and options are the arguments of the plotting function of its kind."""
 
-from sphpod import dataset, log, plotting
+from sphpod import dataset, job, plotting
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    job.start(snakemake)
     draw = getattr(plotting, snakemake.params.kind)
     arrays = {name: dataset.read_samples(path) for name, path in snakemake.input.items()}
     figure = draw(**arrays, **snakemake.params.options)

@@ -1,10 +1,10 @@
 """Foretell how much the energy grows over long times, and measure it."""
 
-from sphpod import dataset, growth, log
+from sphpod import dataset, growth, job
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     horizons = [n * scene.duration for n in snakemake.params.horizon_factors]
@@ -15,4 +15,5 @@ if __name__ == "__main__":
         title=f"Growth of the energy of {name}",
         settings={"scene": name, **physics, "horizons": horizons, "energy_horizon": energy_horizon},
         code=snakemake.params.code,
+        job=given,
     )

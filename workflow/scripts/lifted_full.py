@@ -1,10 +1,10 @@
 """Solve the lifted full model, exactly in time, at the times of the error integral."""
 
-from sphpod import dataset, lifted, log
+from sphpod import dataset, job, lifted
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     dataset.write(
         snakemake.output[0],
@@ -12,4 +12,5 @@ if __name__ == "__main__":
         title=f"Lifted full model of {name}, exact in time",
         settings={"scene": name, **physics},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Find the energy-orthonormal modes of velocity and strain snapshots."""
 
-from sphpod import dataset, lifted_rom, log
+from sphpod import dataset, job, lifted_rom
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.snapshots)
     scene = Scene.from_settings(settings["scene"], settings)
     dataset.write(
@@ -13,4 +13,5 @@ if __name__ == "__main__":
         title=f"Energy modes of the snapshots {settings['sampling']['name']} of {scene.name}",
         settings=settings,
         code=snakemake.params.code,
+        job=given,
     )

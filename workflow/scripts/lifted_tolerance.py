@@ -2,11 +2,11 @@
 
 import logging
 
-from sphpod import certificate, dataset, log
+from sphpod import certificate, dataset, job
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.pod)
     scene = Scene.from_settings(settings["scene"], settings)
     tolerance = float(snakemake.wildcards.tolerance)
@@ -19,4 +19,5 @@ if __name__ == "__main__":
         title=f"Lifted reduced model of {scene.name}: {verdict}",
         settings=settings | {"method": "lifted_exact", "tolerance": tolerance},
         code=snakemake.params.code,
+        job=given,
     )

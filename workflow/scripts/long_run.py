@@ -1,10 +1,10 @@
 """Run the original and the lifted model of the same snapshots for long."""
 
-from sphpod import dataset, log, reduced_operators
+from sphpod import dataset, job, reduced_operators
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.pod)
     scene = Scene.from_settings(settings["scene"], settings)
     modes, energy_modes = map(dataset.read, (snakemake.input.pod, snakemake.input.lifted_pod))
@@ -16,4 +16,5 @@ if __name__ == "__main__":
         title=f"Models of {scene.name} over {horizon:g} s",
         settings=settings | {"mode_counts": [count], "horizon": horizon},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Compare what one thread and core compute with what more of them do."""
 
-from sphpod import dataset, log, machine
+from sphpod import dataset, job, machine
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.snapshots)
     scene = Scene.from_settings(settings["scene"], settings)
     dataset.write(
@@ -13,4 +13,5 @@ if __name__ == "__main__":
         title=f"Results of {scene.name} on different threads and cores",
         settings=settings,
         code=snakemake.params.code,
+        job=given,
     )

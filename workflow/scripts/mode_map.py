@@ -1,10 +1,10 @@
 """Map the growth of reduced models against mode count and time step."""
 
-from sphpod import dataset, log, stability_map
+from sphpod import dataset, job, stability_map
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.pod)
     scene = Scene.from_settings(settings["scene"], settings)
     counts = list(snakemake.params.mode_counts)
@@ -18,4 +18,5 @@ if __name__ == "__main__":
         title=f"Stability of {scene.name} against modes and time step",
         settings=settings | {"mode_counts": counts},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Tell the largest real parts of the spectra of reduced operators."""
 
-from sphpod import dataset, log, reduced_operators
+from sphpod import dataset, job, reduced_operators
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.pod)
     scene = Scene.from_settings(settings["scene"], settings)
     counts = list(snakemake.params.mode_counts)
@@ -19,4 +19,5 @@ if __name__ == "__main__":
         title=f"Spectra of reduced operators of {scene.name}",
         settings=settings | {"mode_counts": counts},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,9 +1,9 @@
 """Find the modes of velocity and density snapshots by proper orthogonal decomposition."""
 
-from sphpod import dataset, log, pod
+from sphpod import dataset, job, pod
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.snapshots)
     dataset.write(
         snakemake.output[0],
@@ -11,4 +11,5 @@ if __name__ == "__main__":
         title=f"Modes of the snapshots {settings['sampling']['name']} of {settings['scene']}",
         settings=settings,
         code=snakemake.params.code,
+        job=given,
     )

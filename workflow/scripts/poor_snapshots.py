@@ -1,10 +1,10 @@
 """Make models of snapshots that are poor in every way, and judge them by their bounds."""
 
-from sphpod import dataset, log, poor_snapshots
+from sphpod import dataset, job, poor_snapshots
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.snapshots)
     scene = Scene.from_settings(settings["scene"], settings)
     taken = dataset.read(snakemake.input.snapshots)
@@ -17,4 +17,5 @@ if __name__ == "__main__":
         title=f"Models of {scene.name} from poor snapshots",
         settings=settings | {"mode_counts": [count]},
         code=snakemake.params.code,
+        job=given,
     )

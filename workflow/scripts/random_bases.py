@@ -1,10 +1,10 @@
 """Tell the largest real parts of the spectra of operators on random bases."""
 
-from sphpod import dataset, log, reduced_operators
+from sphpod import dataset, job, reduced_operators
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     count = snakemake.params.bases
@@ -14,4 +14,5 @@ if __name__ == "__main__":
         title=f"Spectra of operators of {name} on random bases",
         settings={"scene": name, **physics, "random_bases": count},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Run a reduced model of random modes that grows, and the lifted one of the same modes."""
 
-from sphpod import dataset, log, reduced_operators
+from sphpod import dataset, job, reduced_operators
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     dataset.write(
@@ -13,4 +13,5 @@ if __name__ == "__main__":
         title=f"A model of {name} on random modes that grows",
         settings={"scene": name, **physics},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Run a reduced model for one or more mode counts, and compare it with SPH and the reference."""
 
-from sphpod import dataset, error, log, rom
+from sphpod import dataset, error, job, rom
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.pod)
     scene = Scene.from_settings(settings["scene"], settings)
     method, counts = snakemake.wildcards.method, list(snakemake.params.mode_counts)
@@ -19,4 +19,5 @@ if __name__ == "__main__":
         title=f"Reduced model of {scene.name}, {method}",
         settings=settings | {"method": method, "mode_counts": counts},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Foretell the largest stable time steps of reduced models, and measure them."""
 
-from sphpod import dataset, limits, log
+from sphpod import dataset, job, limits
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.pod)
     scene = Scene.from_settings(settings["scene"], settings)
     counts = list(snakemake.params.mode_counts)
@@ -18,4 +18,5 @@ if __name__ == "__main__":
         title=f"Stable time steps of reduced models of {scene.name}",
         settings=settings | {"mode_counts": counts},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,6 +1,6 @@
 """Solve a scene by finite differences or exactly, at the times of the error integral."""
 
-from sphpod import dataset, exact, log, reference
+from sphpod import dataset, exact, job, reference
 from sphpod.scene import Scene
 
 SOLVERS = {
@@ -11,7 +11,7 @@ SOLVERS = {
 }
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, kind = snakemake.wildcards.scene, snakemake.wildcards.kind
     physics = snakemake.params.physics
     dataset.write(
@@ -20,4 +20,5 @@ if __name__ == "__main__":
         title=f"Reference solution of {name}, {kind}",
         settings={"scene": name, **physics, "reference": kind},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Measure how the time and memory of a step grow with particles and with modes."""
 
-from sphpod import dataset, log, scaling, timing
+from sphpod import dataset, job, scaling, timing
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics, benchmark = (
         snakemake.wildcards.scene,
         snakemake.params.physics,
@@ -18,4 +18,5 @@ if __name__ == "__main__":
         title=f"Time and memory of a step of {name}",
         settings={"scene": name, **physics, **benchmark, "machine": timing.machine()},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Time models with and without what a scene does not need."""
 
-from sphpod import dataset, log, skipping, timing
+from sphpod import dataset, job, skipping, timing
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics, repeats = (
         snakemake.wildcards.scene,
         snakemake.params.physics,
@@ -16,4 +16,5 @@ if __name__ == "__main__":
         title=f"CPU time that {name} saves by what it does not need",
         settings={"scene": name, **physics, "repeats": repeats, "machine": timing.machine()},
         code=snakemake.params.code,
+        job=given,
     )

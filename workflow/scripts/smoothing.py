@@ -1,10 +1,10 @@
 """Compare smoothing lengths: consistency, stability and errors of full SPH."""
 
-from sphpod import dataset, error, log, smoothing
+from sphpod import dataset, error, job, smoothing
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     reference = dataset.read(snakemake.input.reference, *error.FIELDS)
     settings = dataset.settings(snakemake.input.reference)
     scene = Scene.from_settings(settings["scene"], settings)
@@ -15,4 +15,5 @@ if __name__ == "__main__":
         title=f"Smoothing lengths compared for {scene.name}",
         settings=settings | {"smoothing_ratios": ratios},
         code=snakemake.params.code,
+        job=given,
     )

@@ -1,10 +1,10 @@
 """Take the snapshots of a sampling out of full SPH."""
 
-from sphpod import dataset, log, snapshots
+from sphpod import dataset, job, snapshots
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     settings = dataset.settings(snakemake.input.sph)
     scene = Scene.from_settings(settings["scene"], settings)
     sampling = {"name": snakemake.wildcards.sampling, **snakemake.params.sampling}
@@ -14,4 +14,5 @@ if __name__ == "__main__":
         title=f"Snapshots {sampling['name']} of full SPH of {scene.name}",
         settings=settings | {"sampling": sampling},
         code=snakemake.params.code,
+        job=given,
     )

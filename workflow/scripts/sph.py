@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from sphpod import dataset, log, sph, stability
+from sphpod import dataset, job, sph, stability
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     steps = np.union1d(scene.error_steps, snakemake.params.snapshot_steps).astype(np.int64)
@@ -17,5 +17,6 @@ if __name__ == "__main__":
         title=f"Full SPH of {name}",
         settings={"scene": name, **physics},
         code=snakemake.params.code,
+        job=given,
         attributes=foretold,
     )

@@ -8,8 +8,8 @@ from sphpod import (
     detection,
     edge_scenes,
     growth,
+    job,
     limits,
-    log,
     machine,
     poor_snapshots,
     reduced_operators,
@@ -37,7 +37,7 @@ def place(path):
 
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    job.start(snakemake)
     table, paths = snakemake.params.table, snakemake.input
     if table == "smoothing_ranking":
         rows = smoothing.ranking(map(dataset.read, paths))

@@ -1,10 +1,10 @@
 """Time one step of full SPH, compiled and as a loop over sparse products."""
 
-from sphpod import dataset, log, timing
+from sphpod import dataset, job, timing
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics, repeats = (
         snakemake.wildcards.scene,
         snakemake.params.physics,
@@ -16,4 +16,5 @@ if __name__ == "__main__":
         title=f"CPU time of a step of full SPH of {name}",
         settings={"scene": name, **physics, "repeats": repeats, "machine": timing.machine()},
         code=snakemake.params.code,
+        job=given,
     )

@@ -2,11 +2,11 @@
 
 import pandas as pd
 
-from sphpod import comparison, dataset, log
+from sphpod import comparison, dataset, job
 from sphpod.rom import freeze_steps
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    job.start(snakemake)
     errors = {
         dataset.settings(path)["scene"]: dataset.read(path) for path in snakemake.input.errors
     }

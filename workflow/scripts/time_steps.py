@@ -1,10 +1,10 @@
 """Foretell the largest stable time steps of full models, and measure them."""
 
-from sphpod import dataset, limits, log
+from sphpod import dataset, job, limits
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     dataset.write(
@@ -13,4 +13,5 @@ if __name__ == "__main__":
         title=f"Stable time steps of full models of {name}",
         settings={"scene": name, **physics},
         code=snakemake.params.code,
+        job=given,
     )

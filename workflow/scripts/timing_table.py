@@ -2,7 +2,7 @@
 
 import pandas as pd
 
-from sphpod import dataset, log, timing
+from sphpod import dataset, job, timing
 
 
 def table(paths, describe):
@@ -44,6 +44,6 @@ def skipping(settings, measured):
 
 
 if __name__ == "__main__":
-    log.start(snakemake.log[0])
+    job.start(snakemake)
     describe = globals()[snakemake.params.kind]
     dataset.write_table(snakemake.output[0], table(snakemake.input, describe))
