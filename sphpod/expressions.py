@@ -42,7 +42,8 @@ LONGEST_SUM = 10000
 def _power(base: Any, exponent: Any) -> Any:
     """A power that does not turn complex (it gives nan instead)."""
     result = np.asarray(base, dtype=np.float64) ** exponent
-    if isinstance(base, float) and base and math.isfinite(base) and np.isinf(result):
+    constant = isinstance(base, float) and isinstance(exponent, float)
+    if constant and base and math.isfinite(base) and np.isinf(result):
         raise OverflowError("a power is too large")
     return result
 

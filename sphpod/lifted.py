@@ -20,8 +20,10 @@ from collections.abc import Callable
 import numpy as np
 
 from sphpod.compiled import compiled
+from sphpod.course import POINTS, WEIGHTS
 from sphpod.error import blocks
 from sphpod.kernel import stencil_weights
+from sphpod.propagator import TURN
 from sphpod.propagator import prepare as prepare_jumps
 from sphpod.scene import ABSENT, Scene, derivative_matrix
 from sphpod.sph import State, wrap
@@ -577,11 +579,9 @@ def _fourier(scene, begin):
         spectrum[np.abs(spectrum) <= 1e-15 * np.abs(spectrum).max()] = 0
         force[:, 0] = spectrum.view(float)
 
-    def amplitude(t):
-        return scene.force_time(t=t)
-
-    course = amplitude if profile.size else None
-    jumps = prepare_jumps(pairs, 0, force, scene.error_interval, times.size, course)
+    jumps = prepare_jumps(
+        pairs, 0, force[None], scene.error_interval, times.size, scene.courses()
+    )
     start = [np.fft.rfft(field).view(float) for field in (begin[0], begin[1])]
     # q̂ = i s ê, s the speed of waves.
     strained = speed * np.stack([-start[1][1::2], start[1][::2]], axis=1).ravel()
@@ -594,7 +594,7 @@ def _fourier(scene, begin):
 
     def run(velocity, strain, watch=True):
         first[:, 0], second[:, 0] = start[0], strained
-        jumps.run(state, course)
+        jumps.run(state)
         watched = watch and not (calm and np.isfinite(first[0]).all())
         for rows in blocks(times.size, FIELDS_AT_ONCE):
             velocity[rows] = np.fft.irfft(first[::2, rows].T + 1j * first[1::2, rows].T, count)
@@ -615,31 +615,41 @@ def _exponential(scene, begin):
     count, interval, times = scene.particle_count, scene.error_interval, scene.error_times
     matrix, scales = operator(scene), np.concatenate(energy_weights(scene))
     start = scales * np.concatenate(begin)
-    _, profile = scene.force_values(times[:1])
+    courses, (_, profile) = scene.courses(), scene.force_values(times[:1])
     trace = float(matrix.trace())
-    if profile.size:
-        points, weights = np.polynomial.legendre.leggauss(6)
-        fractions = (points + 1) / 2
+    # Parts of an interval short enough for the response to be a polynomial on each.
+    cells = max(1, int(np.ceil(abs(matrix).sum(axis=0).max() * interval / TURN)))
+    short = interval / cells
+    if courses:
         shape = scales * np.concatenate([profile, np.zeros(count)])
         responses = np.stack(
             [
-                interval / 2 * w * expm_multiply(matrix * (interval * (1 - c)), shape)
-                for c, w in zip(fractions, weights, strict=True)
+                short / 2 * w * expm_multiply(matrix * (short * (1 - c) / 2), shape)
+                for c, w in zip(POINTS, WEIGHTS, strict=True)
             ]
         )
+        first = np.arange(cells * (times.size - 1))
+        forces = [course.projected(first * short, (first + 1) * short) for course in courses]
+        values = sum(forces).reshape(times.size - 1, cells, POINTS.size)
+
+    def pushes():
+        """What the force adds from output to output, (outputs - 1, 2N)."""
+        added = values[:, 0] @ responses
+        for cell in range(1, cells):
+            carried = expm_multiply(matrix * short, added.T, traceA=trace * short)
+            added = carried.T + values[:, cell] @ responses
+        return added
 
     def run(velocity, strain, watch=True):
-        if not profile.size:
+        if not courses:
             states = expm_multiply(matrix, start, 0, times[-1], times.size, True, trace) / scales
             velocity[:], strain[:] = states[:, :count], states[:, count:]
             return _watched(velocity, strain) if watch else -1
-        state, jump = start, matrix * interval
-        amplitude = scene.force_time(t=(times[:-1, None] + interval * fractions).ravel())
-        pushes = amplitude.reshape(-1, fractions.size) @ responses
+        state, jump, added = start, matrix * interval, pushes()
         for row in range(times.size):
             velocity[row], strain[row] = np.split(state / scales, 2)
-            if row < len(pushes):
-                state = expm_multiply(jump, state, traceA=trace * interval) + pushes[row]
+            if row < len(added):
+                state = expm_multiply(jump, state, traceA=trace * interval) + added[row]
         return _watched(velocity, strain) if watch else -1
 
     return run

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from sphpod import stability
+from sphpod.course import Course
 from sphpod.expressions import Expression
 from sphpod.kernel import derivative, neighbour_count, neighbour_lists, stencil_weights
 
@@ -222,6 +223,12 @@ class Scene:
         shape = np.ones_like(x) if self.force_profile is None else self.force_profile(x=x)
         return self.force_time(t=times), shape
 
+    def courses(self) -> tuple[Course, ...]:
+        """Course of each term of the force over the times of the error integral."""
+        if self.force_time is None:
+            return ()
+        return (Course.of(self.force_time, self.error_times[-1]),)
+
     def neighbour_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Neighbours of each particle and their weights, as `kernel.neighbour_lists` gives them."""
         return neighbour_lists(
@@ -335,6 +342,9 @@ def check_setting(scene: Scene) -> None:
     if scene.force_time is not None:
         times = scene.error_times
         _check_values(scene, "force", scene.force_time(t=times), times, refuse, "t")
+        for course in scene.courses():
+            if not np.isnan(course.singular):
+                _check_values(scene, "force", [np.nan], [course.singular], refuse, "t")
         if scene.force_profile is not None:
             _check_values(scene, "force.profile", scene.force_profile(x=fine), fine, refuse)
 

@@ -28,6 +28,7 @@ def evaluate(text, x=X):
         ("1/2 + 7//2 + 7 % 4", np.full(9, 6.5)),
         ("1 - 2 - 3", np.full(9, -4.0)),
         ("2**-1", np.full(9, 0.5)),
+        ("2**x", 2**X),
         ("sin(2*pi*x/L)", np.sin(np.pi * X)),
         ("exp(-x) + sqrt(x) + abs(x - T) + cos(x)", np.exp(-X) + np.sqrt(X) + 10 - X + np.cos(X)),
         (
