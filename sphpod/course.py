@@ -162,6 +162,49 @@ class Course:
         return chebyshev.chebval(places, coefficients, tensor=False)
 
 
+@dataclass(frozen=True)
+class Span:
+    """A time in which a force is smooth, with what it breaks in before it.
+
+    Attributes
+    ----------
+    first, last : float
+        Start and end [s]; the spans of a force follow one another without a gap.
+    inner : (float, float)
+        The times between which it is smooth [s].
+    shortest : float
+        Shortest piece on which it is a polynomial [s].
+    """
+
+    first: float
+    last: float
+    inner: tuple[float, float]
+    shortest: float
+
+
+def spans(courses: tuple[Course, ...], duration: float) -> list[Span]:
+    """Spans of a force that is a sum of terms, one at least."""
+    cuts = [part for course in courses for part in (course.breaks, course.edges[[0, -1]])]
+    ends = np.unique(np.concatenate([*cuts, [0.0, duration]]))
+    found: list[Span] = []
+    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+        shortest, middle = np.inf, (begin + end) / 2
+        for course in courses:
+            piece = np.searchsorted(course.edges, middle) - 1
+            within = (course.edges[:-1] < end) & (course.edges[1:] > begin)
+            smooth = course.smooth[min(max(piece, 0), course.smooth.size - 1)]
+            shortest = min(shortest, np.diff(course.edges)[within].min(initial=end - begin))
+            if not smooth:
+                break
+        else:
+            inner = float(np.nextafter(begin, end)), float(np.nextafter(end, begin))
+            found.append(Span(found[-1].last if found else 0.0, float(end), inner, float(shortest)))
+    if not found or found[-1].last < duration:
+        first = found[-1].last if found else 0.0
+        found.append(Span(first, duration, (first, duration), np.inf))
+    return found
+
+
 @lru_cache(maxsize=64)
 def _course(text, variables, constants, duration):
     expression = Expression(text, variables, dict(constants))

@@ -16,11 +16,12 @@ and keeps second order. Kicks take damping exactly, for the force of a step that
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from sphpod.compiled import compiled
-from sphpod.course import POINTS, WEIGHTS
+from sphpod.course import POINTS, WEIGHTS, spans
 from sphpod.error import blocks
 from sphpod.kernel import stencil_weights
 from sphpod.propagator import TURN
@@ -499,33 +500,45 @@ def _adaptive(scene, integrator, tolerance, begin):
     start = np.concatenate(begin)
     # Strain and velocity over the speed of sound are alike in size.
     speed = np.sqrt(scene.modulus() / scene.density0())
-    amplitude, profile = scene.force_values(times)
-    finite = np.abs(amplitude[np.isfinite(amplitude)])
-    pushed = finite.max(initial=0) * np.abs(profile).max(initial=0) * times[-1]
+    courses, (_, profile) = scene.courses(), scene.force_values(times[:1])
+    pushed = sum(course.total for course in courses) * np.abs(profile).max(initial=0)
     size = np.abs(start * np.concatenate([np.ones(count), speed])).max() + pushed or 1.0
     absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
     rate = rates(scene)
+    # No step is longer than a force is a polynomial, so that none steps over a pulse.
+    parts = spans(courses, times[-1])
+    options = {"method": integrator.upper(), "rtol": max(tolerance, 3e-14), "atol": absolute}
 
     def run(velocity, strain, watch=True):
         if not np.isfinite(rate(0.0, start)).all():
             # From here scipy would look for a first step without end.
             return _broken_from_start(begin)(velocity, strain, watch)
-        result = solve_ivp(
-            rate,
-            (0, times[-1]),
-            start,
-            method=integrator.upper(),
-            t_eval=times,
-            rtol=max(tolerance, 3e-14),
-            atol=absolute,
-        )
-        if result.y.shape[1] < times.size:
-            velocity[:], strain[:] = np.nan, np.nan
-        velocity[: result.y.shape[1]] = result.y[:count].T
-        strain[: result.y.shape[1]] = result.y[count:].T
+        velocity[:], strain[:] = np.nan, np.nan
+        velocity[0], strain[0] = begin
+        state = start
+        for part in parts:
+            rows = np.flatnonzero((times > part.first) & (times <= part.last))
+            result = solve_ivp(
+                partial(_within, rate, part.inner) if courses else rate,
+                (part.first, part.last),
+                state,
+                t_eval=np.union1d(times[rows], part.last),
+                max_step=part.shortest,
+                **options,
+            )
+            rows = rows[: result.y.shape[1]]
+            velocity[rows], strain[rows] = np.split(result.y.T[: rows.size], 2, axis=1)
+            if not result.success:
+                break
+            state = result.y[:, -1]
         return _watched(velocity, strain) if watch else -1
 
     return run
+
+
+def _within(rate, inner, t, state):
+    """The rate at the nearest time at which the force is that of the whole span."""
+    return rate(min(max(t, inner[0]), inner[1]), state)
 
 
 @compiled
