@@ -50,7 +50,7 @@ class Enclosure:
         The real values over the interval lie between; infinite where no bound is known.
     centre, radius : arrays
         The complex values in the interval's disc lie in this disc about a real number; the radius
-        is infinite where the expression may not be one analytic function.
+        is infinite, and the centre anything, where it may not be one analytic function.
     variable : bool
         Whether it is the variable itself, which takes each value once.
     """
@@ -148,16 +148,16 @@ def _lifted(value: Any) -> Enclosure:
     point = np.float64(value)
     if np.isfinite(point):
         return Enclosure(point, point, point, np.float64(0.0))
-    return _bounded(point, point, point, np.float64(0.0))
+    return _bounded(point, point, point, np.inf)
 
 
 def _bounded(low, high, centre, radius) -> Enclosure:
     """Bounds of which those that are not a number are none."""
     return Enclosure(
-        np.where(np.isnan(low), -np.inf, low),
-        np.where(np.isnan(high), np.inf, high),
-        np.where(np.isfinite(centre), centre, 0.0),
-        np.where(np.isfinite(centre) & (radius >= 0), radius, np.inf),
+        np.fmax(low, -np.inf),
+        np.fmin(high, np.inf),
+        centre,
+        np.where(radius >= 0, radius, np.inf),
     )
 
 
@@ -299,7 +299,10 @@ def _cosine(a):
 
 def _exponential(a):
     low, high, centre = np.exp(a.low), np.exp(a.high), np.exp(a.centre)
-    return _rounded(low, high, centre, centre * np.expm1(a.radius), FUNCTION_ROUNDING)
+    # Far from the centre its share is small, and the product of the other two may not be known.
+    outer = np.exp(a.centre + a.radius + ROUNDING * (np.abs(a.centre) + a.radius))
+    radius = np.where(a.radius > 1, outer, centre * np.expm1(a.radius))
+    return _rounded(low, high, centre, radius, FUNCTION_ROUNDING)
 
 
 def _logarithm(a):
