@@ -207,27 +207,26 @@ def spans(courses: tuple[Course, ...], duration: float) -> list[Span]:
 @lru_cache(maxsize=64)
 def _course(text, variables, constants, duration):
     expression = Expression(text, variables, dict(constants))
-    pieces = _pieces(expression, duration)
-    seen = [pieces[0], np.array([duration])]
-    if pieces[2].all():
-        pieces = _merged(expression, *pieces)
-    low, high, decided, radius = pieces[:4]
-    edges, width = np.append(low, duration), high - low
+    low, high, decided, radius, sums = _pieces(expression, duration)
+    seen = [low, np.array([duration])]
+    if decided.all():
+        low, high, radius = _merged(expression, low, high, radius, sums)
+    edges, width, smooth = np.append(low, duration), high - low, np.isfinite(radius)
     times = low[:, None] + width[:, None] * ((1 + PLACES) / 2)
     values = _values(expression, times)
     seen = np.concatenate([*seen, times.ravel()])
     sound = np.isfinite(_values(expression, seen))
-    smooth = np.isfinite(radius)
     missed = np.full(low.size, np.inf)
-    doubt = _rounding(expression, times[smooth], low[smooth, None], high[smooth, None])
-    missed[smooth] = MISSED * radius[smooth] + doubt @ _INFLUENCES
-    # Where bounds say more, as of what may break, the polynomial is their middle.
-    bounds = enclose(expression, low, high)
-    with np.errstate(invalid="ignore"):
-        middle, reach = (bounds.low + bounds.high) / 2, (bounds.high - bounds.low) / 2
-    flat = decided & (reach < missed)
-    values[flat], missed[flat] = middle[flat, None], reach[flat]
-    smooth &= ~flat
+    if decided.all():
+        doubt = _rounding(expression, times[smooth], low[smooth, None], high[smooth, None])
+        missed[smooth] = MISSED * radius[smooth] + doubt @ _INFLUENCES
+        # Where bounds say more, as of what may break, the polynomial is their middle.
+        bounds = enclose(expression, low, high)
+        with np.errstate(invalid="ignore"):
+            middle, reach = (bounds.low + bounds.high) / 2, (bounds.high - bounds.low) / 2
+        flat = reach < missed
+        values[flat], missed[flat] = middle[flat, None], reach[flat]
+        smooth &= ~flat
     values[~np.isfinite(values)] = 0
     coefficients = values @ _TO_COEFFICIENTS
     total = np.sum(width / 2 * (np.abs(coefficients @ _TO_POINTS) @ WEIGHTS))
@@ -291,7 +290,7 @@ def _pieces(expression, duration):
     return [part[order] for part in parts]
 
 
-def _merged(expression, low, high, decided, radius, sums):
+def _merged(expression, low, high, radius, sums):
     """Neighbours that one polynomial fits as well, or that one break fills, made one piece."""
     broken = ~np.isfinite(radius)
     first = ~(broken & np.roll(broken, 1))
@@ -304,7 +303,7 @@ def _merged(expression, low, high, decided, radius, sums):
         whole = (joint.high - joint.low) * np.bincount(run, high - low) <= 1.01 * swing
     first |= ~whole[run]
     high = np.append(low[first][1:], high[-1])
-    low, decided, radius, sums = (part[first] for part in (low, decided, radius, sums))
+    low, radius, sums = (part[first] for part in (low, radius, sums))
     mean = np.nansum(sums) / (high[-1] - low[0])
     # Whether a piece may be joined with the next one, and has not been seen not to.
     untried = np.isfinite(radius)
@@ -321,12 +320,11 @@ def _merged(expression, low, high, decided, radius, sums):
             joined = left[fit]
             radius[joined], high[joined] = joint[fit], high[joined + 1]
             sums[joined] += sums[joined + 1]
-            decided[joined] &= decided[joined + 1]
             before = np.maximum(joined - 1, 0)
             untried[joined], untried[before] = True, np.isfinite(radius[before])
             keep = np.ones(low.size, bool)
             keep[joined + 1] = False
-            low, high, decided, radius, sums, untried = (
-                part[keep] for part in (low, high, decided, radius, sums, untried)
+            low, high, radius, sums, untried = (
+                part[keep] for part in (low, high, radius, sums, untried)
             )
-    return low, high, decided, radius
+    return low, high, radius

@@ -260,22 +260,22 @@ def response(matrix, push, text, points, end):
     return (vectors @ result[:-1]).real, result[-1].real
 
 
-@settings(max_examples=40)
+@settings(max_examples=10)
 @given(models(), forces(), st.sampled_from([2, 3, 12, 201]))
 def test_any_force_does_what_quadrature_says(model, force, outputs):
     """It may jump, kink, ring or rest, with outputs coarse or fine."""
     text, points = force
     course = follow(text)
     found = propagator_run(*model, course, outputs)
-    for row in {1, (outputs - 1) // 2 or 1, outputs - 1}:
+    for row in {(outputs - 1) // 2 or 1, outputs - 1}:
         end = DURATION * row / (outputs - 1)
         expected, size = response(*whole(*model), text, points, end)
         scale = np.abs(model[2]).max() * max(size, 1e-9 * course.total) + 1e-300
-        np.testing.assert_allclose(found[row], expected, rtol=0, atol=1e-10 * 5 * scale)
+        np.testing.assert_allclose(found[row], expected, rtol=0, atol=1e-10 * scale)
     assert course.missed <= 1e-10 * course.total
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(models(), forces(), forces(), st.sampled_from([2, 12, 201]), st.sampled_from([0, 40]))
 def test_terms_add_up(model, one, other, outputs, euler_steps):
     """Each with its own profile."""
@@ -294,7 +294,7 @@ def test_terms_add_up(model, one, other, outputs, euler_steps):
     np.testing.assert_allclose(state.T, alone, rtol=0, atol=2e-11 * size)
 
 
-@settings(max_examples=20)
+@settings(max_examples=12)
 @given(models(), forces(), st.sampled_from([2, 3, 21]), st.sampled_from([40, 300]))
 def test_explicit_euler_takes_the_force_of_its_own_steps(model, force, outputs, euler_steps):
     blocks, singles, profile = model
