@@ -33,10 +33,9 @@ length of a difference of coordinates.
 **Integrals.** Times are a grid of the bound's own, as fine as the motion needs, whatever the
 outputs are. With y the values at the ends of a step δ, and within it
 
-- |r''| at most β from the blocks' sizes, none of which grows but for what the force adds, and from
-  p, p' and p'', which sums of Chebyshev coefficients bound,
-- jumps of p by J and of p' by K, where one piece of the force ends: what they add to a function
-  without jumps is at most κ = |g J| + δ |(G h) J + g K|, for r = G z + g p,
+- |r''| at most β,
+- jumps of r by J and of r' by K, where one piece of the force ends, whose part in r is at most
+  κ = |J| + δ |K|,
 
 |r| is at most what lies linearly between its ends' norms, as a norm is convex, + β s(δ - s)/2 + 2κ:
 κ itself, and as the function without jumps is off by κ at the end. Hence, and by Minkowski,
@@ -44,26 +43,38 @@ outputs are. With y the values at the ends of a step δ, and within it
     ∫|r| ≤ δ (y₀ + y₁)/2 + β δ³/12 + 2κδ,
     √∫|r|² ≤ √(δ (y₀² + y₀y₁ + y₁²)/3) + β √(δ⁵/120) + 2κ√δ.
 
-The grid is refined until β and κ matter little. Where f is not p, ∫|f - p| times |F| is added.
+β is the smallest of Taylor's bounds: for each order q, with all jumps within the step in |r⁽ⁿ⁾|,
+
+    β = Σ |r⁽ⁿ⁾| δⁿ⁻²/(n - 2)!, n = 2 … q - 1,  + sup |r⁽ᑫ⁾| δᑫ⁻²/(q - 2)!.
+
+With r = G z + g p it is r⁽ⁿ⁾ = G z⁽ⁿ⁾ + g p⁽ⁿ⁾. As (z⁽ⁿ⁾)' = M z⁽ⁿ⁾ + h p⁽ⁿ⁾ and no block of M lets its
+length grow, each block of z⁽ᑫ⁾ is within the step at most as long as at its beginning, and by what
+its jumps and the force add. Sums of Chebyshev coefficients bound p⁽ⁿ⁾. The grid is refined until β
+and κ matter little. Where f is not p, ∫|f - p| times |F| is added.
 
 All norms are of QR factors of the size of the reduced model; a Gram matrix would lose half their
 digits.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from math import factorial
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
 from sphpod import lifted, propagator
+from sphpod.compiled import compiled
 from sphpod.course import Course, course
 from sphpod.lifted_rom import LiftedModel, Prepared
 from sphpod.scene import Scene
 
-COARSEST, FINEST = 2**7, 2**16
+COARSEST, FINEST = 2**7, 2**14
 """Steps of the grid of integration."""
+
+ORDER = 4
+"""Derivatives by which what happens within a step is bounded."""
 
 EXCESS = 0.05
 """Part of a bound that may be due to what is not known within the steps of the grid."""
@@ -127,13 +138,16 @@ class FullModel:
         return np.concatenate([damped, np.zeros(values.size)])
 
     @cached_property
+    def _adjoint(self):
+        return self.operator.T.tocsr()
+
+    @cached_property
     def _bands(self):
         """𝓐ᵀ𝓐, 𝓐 + 𝓐ᵀ and 𝓐ᵀ - 𝓐 as lower bands in an order that makes them narrow."""
         from scipy.sparse.csgraph import reverse_cuthill_mckee
 
-        full = self.operator
-        square = (full.T @ full).tocsr()
-        parts = [square, (full + full.T).tocsr(), (full.T - full).tocsr()]
+        full, adjoint = self.operator, self._adjoint
+        parts = [(adjoint @ full).tocsr(), (full + adjoint).tocsr(), (adjoint - full).tocsr()]
         pattern = sum(abs(part) for part in parts).tocsr()
         order = reverse_cuthill_mckee(pattern, symmetric_mode=True)
         place = np.empty_like(order)
@@ -153,9 +167,10 @@ class FullModel:
         from scipy.linalg import solveh_banded
 
         (square, twice, turn), order = self._bands
-        normal = square - shift.real * twice - 1j * shift.imag * turn
+        normal = np.empty(square.shape, complex)
+        normal.real, normal.imag = square - shift.real * twice, -shift.imag * turn
         normal[0] += abs(shift) ** 2 + rest**2
-        pulled = self.operator.T @ right - np.conj(shift) * right
+        pulled = self._adjoint @ right - np.conj(shift) * right
         solved = np.empty(right.size, complex)
         solved[order] = solveh_banded(
             normal, pulled[order], overwrite_ab=True, lower=True, check_finite=False
@@ -171,18 +186,21 @@ class Motion:
     ----------
     step : float
         δ [s].
-    values : array, shape (coordinates + forces, steps + 1)
-        z, and p of each force below.
-    reach : array, shape (blocks, steps)
-        Length of each block within a step, at most.
-    sizes : array, shape (forces, 3, steps)
-        |p|, |p'| and |p''| within a step, at most.
-    jumps : array, shape (forces, 2, steps)
-        Jumps of p and of p' within a step, their sizes added up.
+    push : array, shape (coordinates, forces)
+        h.
+    rates : array, shape (ORDER + 1, coordinates + forces, steps + 1)
+        z, and p of each force below, and their derivatives.
+    reach : array, shape (ORDER + 1, blocks, steps)
+        Length of each block of them within a step, at most.
+    sizes : array, shape (ORDER + 1, forces, steps)
+        |p| and its derivatives within a step, at most.
+    jumps : array, shape (ORDER + 1, forces, steps)
+        Jumps of p and of its derivatives within a step, their sizes added up.
     """
 
     step: float
-    values: np.ndarray
+    push: np.ndarray
+    rates: np.ndarray
     reach: np.ndarray
     sizes: np.ndarray
     jumps: np.ndarray
@@ -192,47 +210,53 @@ class Motion:
         own, step = model.own, full.scene.duration / steps
         push = forces_on(full, model)
         amplitude = full.courses[0] if full.courses else None
-        jumps = propagator.prepare(
+        prepared = propagator.prepare(
             own.blocks, own.singles, own.in_blocks(push.sum(axis=1)), step, steps + 1, amplitude
         )
-        state = np.zeros((start.size, steps + 1))
-        state[:, 0] = start
-        jumps.run(state, amplitude)
+        rates = np.zeros((ORDER + 1, start.size + push.shape[1], steps + 1))
+        rates[0, : start.size, 0] = start
+        prepared.run(rates[0, : start.size], amplitude)
         times = np.arange(steps + 1) * step
-        sizes = np.zeros((len(full.courses), 3, steps))
-        breaks = np.zeros((len(full.courses), 2, steps))
+        sizes, jumps = np.zeros((2, ORDER + 1, push.shape[1], steps))
         for n, one in enumerate(full.courses):
-            sizes[n], breaks[n] = _within(one, times)
-        # What a block begins a step with does not grow, but for what the force adds.
-        reach = np.stack(
-            [
-                np.linalg.norm(state[block, :-1], axis=0)
-                + step * np.linalg.norm(push[block], axis=0) @ sizes[:, 0]
-                for block in own.members
-            ]
-        )
-        values = np.concatenate([state, *(one(times)[None] for one in full.courses)])
-        return cls(step, values, reach, sizes, breaks)
+            rates[:, start.size + n], sizes[:, n], jumps[:, n] = _seen_from(one, times)
+        reach = np.empty((ORDER + 1, len(own.members), steps))
+        # Jumps of p make the derivatives of z jump.
+        jumping = np.zeros((start.size, steps))
+        for n in range(ORDER + 1):
+            if n:
+                rates[n, : start.size] = (
+                    own.operator @ rates[n - 1, : start.size] + push @ rates[n - 1, start.size :]
+                )
+                jumping = np.abs(own.operator) @ jumping + np.abs(push) @ jumps[n - 1]
+            for m, block in enumerate(own.members):
+                reach[n, m] = np.linalg.norm(rates[n, block, :-1], axis=0)
+                if push.size:
+                    reach[n, m] += step * np.linalg.norm(push[block], axis=0) @ sizes[n]
+                    reach[n, m] += np.linalg.norm(jumping[block], axis=0)
+        return cls(step, push, rates, reach, sizes, jumps)
 
 
-def _within(course, times):
-    """Largest |p|, |p'| and |p''|, and summed jumps of p and p', between neighbouring times."""
+def _seen_from(course, times):
+    """p and derivatives at times, their largest sizes and summed jumps from one to the next."""
     edges, steps = course.edges, times.size - 1
-    scale = 2 / np.diff(edges)[:, None]
-    slopes = chebyshev.chebder(course.coefficients, axis=1) * scale
-    bends = chebyshev.chebder(course.coefficients, 2, axis=1) * scale**2
-    pieces = np.array([np.abs(part).sum(axis=1) for part in (course.coefficients, slopes, bends)])
-    first = np.clip(np.searchsorted(edges, times[:-1], "right") - 1, 0, len(scale) - 1)
-    last = np.clip(np.searchsorted(edges, times[1:], "left") - 1, first, len(scale) - 1)
-    ends = np.stack([first, last + 1], axis=1).ravel()
-    padded = np.pad(pieces, ((0, 0), (0, 1)))
-    largest = np.maximum.reduceat(padded, ends, axis=1)[:, ::2]
-    jumps = [
-        np.abs(chebyshev.chebval(-1, part[1:].T) - chebyshev.chebval(1, part[:-1].T))
-        for part in (course.coefficients, slopes)
-    ]
+    last = len(course.coefficients) - 1
+    scale = 2 / np.diff(edges)
+    piece = np.clip(np.searchsorted(edges, times, "right") - 1, 0, last)
+    place = scale[piece] * (times - edges[piece]) - 1
+    until = np.clip(np.searchsorted(edges, times[1:], "left") - 1, piece[:-1], last)
+    ends = np.stack([piece[:-1], until + 1], axis=1).ravel()
     step = np.clip(np.searchsorted(times, edges[1:-1], "left") - 1, 0, steps - 1)
-    return largest, np.array([np.bincount(step, jump, steps) for jump in jumps])
+    values, sizes, jumps = [], [], []
+    coefficients = course.coefficients
+    for _ in range(ORDER + 1):
+        values.append(chebyshev.chebval(place, coefficients[piece].T, tensor=False))
+        largest = np.pad(np.abs(coefficients).sum(axis=1), (0, 1))
+        sizes.append(np.maximum.reduceat(largest, ends)[::2])
+        jump = chebyshev.chebval(-1, coefficients[1:].T) - chebyshev.chebval(1, coefficients[:-1].T)
+        jumps.append(np.bincount(step, np.abs(jump), steps))
+        coefficients = chebyshev.chebder(coefficients, axis=1) * scale[:, None]
+    return np.array(values), np.array(sizes), np.array(jumps)
 
 
 @dataclass(frozen=True)
@@ -243,44 +267,46 @@ class Map:
     ----------
     factor : array, shape (rows, coordinates + forces)
         QR factor of G and g.
-    bends, turns : arrays, shapes (blocks,) and (forces, 3)
-        What |G z + g p|'' is at most, of the blocks' lengths and of |p|, |p'| and |p''|.
-    kinks : array, shape (forces, 3)
-        What jumps of p add to its value, to its slope, and those of p' to its slope, at most.
+    blocks : array, shape (blocks,)
+        Norms of G on each block.
+    pushed : array, shape (ORDER + 1, forces)
+        |g|, |G h|, |G M h|, ….
     """
 
     factor: np.ndarray
-    bends: np.ndarray
-    turns: np.ndarray
-    kinks: np.ndarray
+    blocks: np.ndarray
+    pushed: np.ndarray
 
     @classmethod
     def of(cls, model: LiftedModel, push: np.ndarray, columns: np.ndarray) -> "Map":
         count = len(model.own.operator)
         factor = np.linalg.qr(columns, mode="r")
-        maps, direct = factor[:, :count], factor[:, count:]
-        once = maps @ model.own.operator
-        twice = once @ model.own.operator
-
-        def sizes(*parts):
-            return np.stack([np.linalg.norm(part, axis=0) for part in parts], axis=1)
-
+        pushed = [factor[:, count:]]
+        for _ in range(ORDER):
+            pushed.append(factor[:, :count] @ push)
+            push = model.own.operator @ push
         return cls(
             factor,
-            np.array([np.linalg.norm(twice[:, block], 2) for block in model.own.members]),
-            sizes(once @ push, maps @ push, direct),
-            sizes(direct, maps @ push, direct),
+            np.array([np.linalg.norm(factor[:, block], 2) for block in model.own.members]),
+            np.array([np.linalg.norm(part, axis=0) for part in pushed]),
         )
 
     def on(self, motion: Motion) -> "Norms":
         step = motion.step
-        ends = np.linalg.norm(self.factor @ motion.values, axis=0)
-        bends = self.bends @ motion.reach + np.einsum("fn,fns->s", self.turns, motion.sizes)
-        jumps, slopes = motion.jumps[:, 0], motion.jumps[:, 1]
-        kinks = self.kinks[:, 0] @ jumps + step * (
-            self.kinks[:, 1] @ jumps + self.kinks[:, 2] @ slopes
-        )
-        return Norms(step, ends[:-1], ends[1:], bends, 2 * kinks)
+        ends = np.linalg.norm(self.factor @ motion.rates[0], axis=0)
+
+        def jumps(order):
+            parts = zip(self.pushed[order::-1], motion.jumps, strict=False)
+            return sum(size @ jump for size, jump in parts)
+
+        bends, known = np.inf, 0.0
+        for order in range(2, ORDER + 1):
+            weight = step ** (order - 2) / factorial(order - 2)
+            within = self.blocks @ motion.reach[order] + self.pushed[0] @ motion.sizes[order]
+            bends = np.minimum(bends, known + weight * within)
+            here = np.linalg.norm(self.factor @ motion.rates[order, :, :-1], axis=0)
+            known = known + weight * (here + jumps(order))
+        return Norms(step, ends[:-1], ends[1:], bends, 2 * (jumps(0) + step * jumps(1)))
 
 
 @dataclass(frozen=True)
@@ -294,12 +320,14 @@ class Norms:
     kinks: np.ndarray
 
     @property
-    def linear(self) -> np.ndarray:
-        return self.step / 2 * (self.first + self.last)
+    def straight(self) -> "Norms":
+        """As if all were linear within the steps."""
+        return replace(self, bends=0 * self.bends, kinks=0 * self.kinks)
 
     @property
     def integral(self) -> np.ndarray:
-        return self.linear + self.step**3 / 12 * self.bends + self.step * self.kinks
+        even = self.step / 2 * (self.first + self.last)
+        return even + self.step**3 / 12 * self.bends + self.step * self.kinks
 
     @property
     def square(self) -> np.ndarray:
@@ -367,36 +395,37 @@ class Bound:
             mapped(columns[~damped]) if damped.any() else None,
         )
 
-    def on(self, motion: Motion) -> tuple[np.ndarray, float]:
-        """The bound at the start and within each step, (steps + 1,), and the excess in it."""
-        residual = self.residual.on(motion)
+    def on(self, motion: Motion) -> tuple[np.ndarray, np.ndarray]:
+        """The bound at the start and within each step, and it if all were linear within them.
+
+        Returns
+        -------
+        bound, straight : arrays, shape (steps + 1,)
+        """
+        maps = self.residual, self.change, self.damped, self.rest
+        norms = [None if one is None else one.on(motion) for one in maps]
+        straight = [None if one is None else one.straight for one in norms]
+        return self._from(*norms), self._from(*straight)
+
+    def _from(self, residual, change, damped, rest):
         whole = residual.integral
-        excess = whole.sum() - residual.linear.sum()
-        if self.damped is None:
-            remainder = self.start + np.concatenate([[0], np.cumsum(whole)])
-        else:
-            rest = self.rest.on(motion)
-            remainder = _remainder(
-                self.start, whole, self.damped.on(motion).square, rest.integral
-            )
-        changes = np.zeros(remainder.size)
-        if self.change is not None:
-            change = self.change.on(motion)
-            changes[0] = change.first[0]
-            changes[1:] = change.largest
-            excess += change.largest.max() - change.first.max(initial=change.last[-1])
-        return remainder + changes, excess
+        bound = np.empty(whole.size + 1)
+        squares, rests = np.full((2, whole.size), np.inf)
+        if damped is not None:
+            squares, rests = damped.square, rest.integral
+        follow(self.start, whole, squares, rests, bound)
+        if change is not None:
+            bound += np.concatenate([change.first[:1], change.largest])
+        return bound
 
 
-def _remainder(start, whole, squares, rests):
+@compiled
+def follow(start, whole, squares, rests, bound):
     """The smaller of both bounds (2) from step to step."""
-    bound = np.empty(whole.size + 1)
-    bound[0] = now = start
-    steps = zip(whole.tolist(), squares.tolist(), rests.tolist(), strict=True)
-    for n, (push, square, rest) in enumerate(steps, 1):
-        now = min(now + push, (now * now + 2 * square) ** 0.5 + rest)
-        bound[n] = now
-    return bound
+    bound[0] = start
+    for n in range(whole.size):
+        damped = np.sqrt(bound[n] ** 2 + 2 * squares[n]) + rests[n]
+        bound[n + 1] = min(bound[n] + whole[n], damped)
 
 
 def error_bounds(
@@ -428,6 +457,7 @@ def error_bounds(
         model,
         start,
         [Bound.of(full, model, start, modes), Bound.of(full, model, start, modes, change)],
+        0.0,
     )
     richer = enriched(full, model, change * np.abs(state).max(axis=1))
     richly = richer.prepare("lifted_exact")
@@ -437,14 +467,14 @@ def error_bounds(
     start, modes = richer_state[:, 0], own_modes(richer)
     change = corrections(full, richer, modes)
     (beyond,) = _over_time(
-        full, richer, start, [Bound.of(full, richer, start, modes, change)]
+        full, richer, start, [Bound.of(full, richer, start, modes, change)], known.max()
     )
     best = np.minimum(np.minimum(plain, corrected), known + beyond)
     return best + full.missed, plain + full.missed
 
 
-def _over_time(full, model, start, bounds):
-    """Each bound at the outputs, from a grid that is fine enough for all."""
+def _over_time(full, model, start, bounds, known):
+    """Each bound at the outputs, from a grid so fine that they and what is known gain little."""
     scale = np.linalg.norm(full.start) + sum(
         np.linalg.norm(column) * np.abs(one.coefficients).sum(axis=1) @ np.diff(one.edges)
         for column, one in zip(full.forces.T, full.courses, strict=True)
@@ -453,12 +483,14 @@ def _over_time(full, model, start, bounds):
     while True:
         motion = Motion.of(full, model, start, steps)
         found = [bound.on(motion) for bound in bounds]
-        excess = max(
-            extra / max(EXCESS * (bound.max() - extra), ROUNDING * scale) for bound, extra in found
+        missing = max(
+            (bound - straight).max() / (EXCESS * (straight.max() + known) + ROUNDING * scale)
+            for bound, straight in found
         )
-        if excess <= 1 or steps >= FINEST:
+        if not missing > 1 or steps == FINEST:
             break
-        steps = min(FINEST, 2 * steps * int(np.ceil(np.sqrt(min(excess, FINEST)) / 2)))
+        # What is not known falls as the square of the step.
+        steps = min(FINEST, steps * 2 ** int(np.ceil(np.log2(np.clip(missing, 4, 64)) / 2)))
     # Within a step the bound is that of its end.
     place = np.ceil(model.scene.error_times / motion.step * (1 - 1e-15)).astype(int)
     return [bound[np.minimum(place, steps)] for bound, _ in found]
