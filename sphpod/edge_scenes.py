@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sphpod import certificate, energy, lifted, lifted_rom, stability
+from sphpod.enclosure import enclose
 from sphpod.scene import GROWTH_LIMIT, Scene, check, derivative_matrix
 from sphpod.stability import Breakdown
 
@@ -131,13 +132,22 @@ def work(scene: Scene, integrator: str, time_step: float) -> np.ndarray:
     count = stride * (scene.error_times.size - 1)
     shift = 0.5 if integrator == "leapfrog" else 0.0
     amplitude, profile = scene.force_values((np.arange(count + 1) + shift) * time_step)
-    size = np.abs(amplitude)
-    # Of the integral of |f| an upper sum, or rounding would decide where force alone acts.
-    pushes = np.maximum(size[:-1], size[1:]) if integrator == "exact" else size[:-1]
-    added = np.cumsum(pushes * time_step)[stride - 1 :: stride] * np.linalg.norm(mass * profile)
-    if integrator != "exact":
+    if integrator == "exact":
+        # Of the integral of |f| an upper sum, or rounding would decide where force alone acts.
+        grid = np.arange(count + 1) * time_step
+        added = sum(np.diff(_upper_sums(course, grid)[::stride]) for course in scene.courses())
+    else:
+        added = np.add.reduceat(np.abs(amplitude[:-1]), np.arange(0, count, stride)) * time_step
         added /= np.sqrt(1 - (time_step * stability.fastest_wave(scene) / 2) ** 2)
-    return np.concatenate([[0.0], added])
+    return np.concatenate([[0.0], np.cumsum(added) * np.linalg.norm(mass * profile)])
+
+
+def _upper_sums(course, grid):
+    """Upper bounds of ∫|f| from the start to the times of a grid, (times,)."""
+    cuts = np.union1d(grid, course.edges)
+    bounds = enclose(course.expression, cuts[:-1], cuts[1:])
+    sizes = np.maximum(np.abs(bounds.low), np.abs(bounds.high)) * np.diff(cuts)
+    return np.concatenate([[0.0], np.cumsum(sizes)])[np.searchsorted(cuts, grid)]
 
 
 def full(

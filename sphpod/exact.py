@@ -18,16 +18,17 @@ and periodic in x. Three kinds of scene have a solution in closed form:
     reflected and transmitted at the two interfaces.
 
 Travelling waves, reflected or not, are exact to 1e-12 of the largest v0 at any distance, with kinks
-and jumps of v0 where they belong. A uniform force adds the same velocity everywhere; it, and the
-force of a mode, is integrated by Gauss-Legendre quadrature.
+and jumps of v0 where they belong. A uniform force adds the same velocity everywhere. What it and
+the force of a mode do is integrated by `sphpod.propagator`, wherever in time the force jumps.
 """
 
 from functools import partial
 
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
-from numpy.polynomial import chebyshev, legendre
+from numpy.polynomial import chebyshev
 
+from sphpod import propagator
 from sphpod.kernel import derivative_coefficient
 from sphpod.scene import Scene
 from sphpod.stability import Breakdown
@@ -40,6 +41,9 @@ TRUNCATION = 1e-8
 
 MODE_LIMIT = 4096
 """Largest number of Fourier modes; only profiles that jump would need more."""
+
+MODES_AT_ONCE = 256
+"""Forced modes that are carried together, which bounds the memory."""
 
 
 def kind(scene: Scene) -> str | None:
@@ -398,60 +402,47 @@ def _synthesis(amplitude, count):
 # --- Forces -------------------------------------------------------------------------------------
 
 
-def _quadrature(scene, omega):
-    """Gauss-Legendre rule on equal steps of an error interval, fine enough for a frequency.
-
-    Returns
-    -------
-    points, weights : arrays, shapes (steps, 8) and (8,)
-        Times after the start of the interval [s], and the weights of each step [s].
-    """
-    interval = scene.error_interval
-    steps = int(np.ceil(max(omega * interval / 4, 1000 * interval / scene.duration)))
-    nodes, weights = legendre.leggauss(8)
-    width = interval / steps
-    return width * np.add.outer(np.arange(steps), (1 + nodes) / 2), width * weights / 2
-
-
 def _rigid_velocity(scene):
     """Velocity that a uniform force gives the whole line, (times,); None if there is none."""
     if scene.force_time is None or not _evenly_forced(scene):
         return None
-    d, interval = _uniform_damping(scene), scene.error_interval
     factor = 1.0 if scene.force_profile is None else _bulk(scene, scene.force_profile)
-    points, weights = _quadrature(scene, 0.0)
-    force = scene.force_time(t=scene.error_times[:-1, None, None] + points)
-    pushes = factor * np.einsum("nsp,sp->n", force, weights * np.exp(-d * (interval - points)))
-    velocity = np.zeros(scene.error_times.size)
-    for n, push in enumerate(pushes):
-        velocity[n + 1] = np.exp(-d * interval) * velocity[n] + push
-    return velocity
+    block, force = np.zeros((1, 2, 2)), np.array([[[factor, 0.0]]])
+    block[0, 0, 0] = -_uniform_damping(scene)
+    velocity = np.zeros((1, scene.error_times.size))
+    propagator.prepare(
+        block, 1, force, scene.error_interval, scene.error_times.size, scene.courses()
+    ).run(velocity)
+    return velocity[0]
 
 
 def _forced_modes(scene, blocks, damping):
-    """Velocity and strain that an uneven force gives, mode by mode from step to step (Duhamel)."""
+    """Velocity and strain that an uneven force gives, mode by mode.
+
+    The oscillator x of a mode is carried as the pair x' and ω x.
+    """
     amplitude, k, omega = _spectrum(scene, scene.force_profile)
     needed = max(1, np.count_nonzero(_tail(amplitude / np.maximum(omega, omega[1])) > TRUNCATION))
-    amplitude, k, omega = amplitude[:needed], k[:needed], omega[:needed]
-    points, weights = _quadrature(scene, omega[-1])
-    step = scene.error_interval / len(points)
-    kicks = [
-        weights[:, None] * response for response in _oscillator(step - points[0], omega, damping)
-    ]
-    free = [response[0] for response in _oscillator(np.array([step]), omega, damping)]
-    state = np.zeros((2, omega.size))
+    count, outputs = scene.particle_count, scene.error_times.size
+    fields = np.zeros((2, outputs, count), complex)
+    amplitude[0] /= 2
+    size = min(count, MODES_AT_ONCE)
+    for first in range(0, needed, size):
+        modes = np.arange(first, min(first + size, needed))
+        pairs, force = np.zeros((modes.size, 2, 2)), np.zeros((1, modes.size, 2))
+        pairs[:, 0, 0], pairs[:, 0, 1], pairs[:, 1, 0] = -damping, -omega[modes], omega[modes]
+        force[..., 0] = 1
+        state = np.zeros((2 * modes.size, outputs))
+        propagator.prepare(
+            pairs, 0, force, scene.error_interval, outputs, scene.courses()
+        ).run(state)
+        # Modes that the points cannot tell apart are added.
+        velocity, displacement = state[: modes.size].T, state[modes.size :].T
+        fields[0][:, modes % count] += velocity * amplitude[modes]
+        fields[1][:, modes % count] += displacement * (1j / _wave_speed(scene) * amplitude[modes])
     for block in blocks:
-        force = scene.force_time(t=scene.error_times[block, None, None] + points)
-        history = np.empty((len(force), 2, omega.size))
-        for n, interval in enumerate(force):
-            history[n] = state
-            for samples in interval:
-                state = _later(state, free, omega, damping)
-                state = np.stack([x + samples @ kick for x, kick in zip(state, kicks, strict=True)])
-        yield (
-            _synthesis(history[:, 0] * amplitude, scene.particle_count),
-            _synthesis(history[:, 1] * (1j * k * amplitude), scene.particle_count),
-        )
+        velocity, strain = 2 * count * np.fft.ifft(fields[:, block], axis=2).real
+        yield velocity, strain
 
 
 # --- Two layers -----------------------------------------------------------------------------------

@@ -2,17 +2,27 @@
 
 An expression is a number or a text such as ``1e-3*sum(l*sin(2*pi*l*x/L) for l in range(1, 4))``.
 It is parsed once, checked node by node against a short list of what is allowed, and compiled into
-a function that acts elementwise on arrays. Nothing else of Python is within its reach.
+a function that acts elementwise on arrays. Nothing else of Python is within its reach. All numbers
+are float64, whole ones too, so that none wraps round.
 """
 
 import ast
 import math
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import reduce
+from functools import partial, reduce
 from operator import call
 from typing import Any
 
 import numpy as np
+
+
+def numbers(*bounds: float) -> Iterator[float]:
+    """The numbers of a range whose bounds are whole."""
+    if not all(float(bound).is_integer() for bound in bounds):
+        raise ValueError("a bound of a range is not a whole number")
+    return map(float, range(*map(int, bounds)))
+
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "where": np.where,
@@ -21,8 +31,8 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "exp": np.exp,
     "sqrt": np.sqrt,
     "abs": np.abs,
-    "sum": sum,
-    "range": range,
+    "sum": partial(sum, start=0.0),
+    "range": numbers,
 }
 # A second argument of sin would be the array numpy writes its result to.
 ARGUMENT_COUNTS = {"where": 3, "sin": 1, "cos": 1, "exp": 1, "sqrt": 1, "abs": 1}
@@ -30,12 +40,12 @@ LONGEST_SUM = 10000
 
 
 def _power(base: Any, exponent: Any) -> Any:
-    """A power that neither builds astronomic integers nor turns complex (it gives nan instead)."""
-    if isinstance(base, int) and isinstance(exponent, int) and exponent >= 0:
-        if not math.isfinite(np.float64(base) ** exponent):
-            raise OverflowError("a power is too large")
-        return base**exponent  # exact, so that it may bound a range
-    return np.asarray(base, dtype=np.float64) ** exponent
+    """A power that does not turn complex (it gives nan instead)."""
+    result = np.asarray(base, dtype=np.float64) ** exponent
+    constant = isinstance(base, float) and isinstance(exponent, float)
+    if constant and base and math.isfinite(base) and np.isinf(result):
+        raise OverflowError("a power is too large")
+    return result
 
 
 def _compare(relations: tuple[Callable[..., Any], ...], *operands: Any) -> Any:
@@ -53,6 +63,8 @@ def _steps() -> Iterator[int]:
 # enter arithmetic. Other operators do with arrays what they do with numbers.
 CALLED: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Div: np.true_divide,
+    ast.FloorDiv: np.floor_divide,
+    ast.Mod: np.remainder,
     ast.Pow: _power,
     ast.Compare: _compare,
     ast.Lt: np.less,
@@ -66,7 +78,7 @@ CALLED: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Not: lambda operand: np.logical_not(operand) * 1.0,
     ast.comprehension: zip,
 }
-PLAIN = (ast.Add, ast.Sub, ast.Mult, ast.FloorDiv, ast.Mod, ast.USub, ast.UAdd)
+PLAIN = (ast.Add, ast.Sub, ast.Mult, ast.USub, ast.UAdd)
 
 
 class _Elementwise(ast.NodeTransformer):
@@ -75,6 +87,8 @@ class _Elementwise(ast.NodeTransformer):
     def visit(self, node: ast.AST) -> Any:
         self.generic_visit(node)
         match node:
+            case ast.Constant(value=value):
+                node.value = float(value)
             case ast.BinOp(op=operator, left=left, right=right) if type(operator) in CALLED:
                 return _call(operator, left, right)
             case ast.UnaryOp(op=ast.Not() as operator, operand=operand):
@@ -114,7 +128,9 @@ def _refusal(node: ast.AST, names: frozenset[str]) -> str | None:
     match node:
         case ast.Constant(value=value):
             # A bool is an int to Python, a complex number is not real.
-            return None if type(value) in (int, float) else f"{value!r} is not a real number"
+            if type(value) not in (int, float):
+                return f"{value!r} is not a real number"
+            return "a number is too large" if abs(value) > sys.float_info.max else None
         case ast.Name(id=name):
             return None if name in names else f"the name {name!r} is not known"
         case ast.BinOp(op=operator, left=left, right=right):
@@ -258,7 +274,8 @@ class Expression:
         result = np.empty(np.broadcast(*values).shape)
         try:
             with np.errstate(all="ignore"):
-                result[...] = self._function(_steps(), *values)
+                # A value without an axis would be taken for a constant.
+                result[...] = self._function(_steps(), *map(np.atleast_1d, values))
         except Exception as error:  # whatever Python and numpy make of a strange expression
             reason = " ".join(str(error).split()).rstrip(".")
             raise self._error(f"it cannot be evaluated ({reason})") from error

@@ -16,12 +16,15 @@ and keeps second order. Kicks take damping exactly, for the force of a step that
 """
 
 from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from sphpod.compiled import compiled
+from sphpod.course import POINTS, WEIGHTS, spans
 from sphpod.error import blocks
 from sphpod.kernel import stencil_weights
+from sphpod.propagator import TURN
 from sphpod.propagator import prepare as prepare_jumps
 from sphpod.scene import ABSENT, Scene, derivative_matrix
 from sphpod.sph import State, wrap
@@ -497,33 +500,45 @@ def _adaptive(scene, integrator, tolerance, begin):
     start = np.concatenate(begin)
     # Strain and velocity over the speed of sound are alike in size.
     speed = np.sqrt(scene.modulus() / scene.density0())
-    amplitude, profile = scene.force_values(times)
-    finite = np.abs(amplitude[np.isfinite(amplitude)])
-    pushed = finite.max(initial=0) * np.abs(profile).max(initial=0) * times[-1]
+    courses, (_, profile) = scene.courses(), scene.force_values(times[:1])
+    pushed = sum(course.total for course in courses) * np.abs(profile).max(initial=0)
     size = np.abs(start * np.concatenate([np.ones(count), speed])).max() + pushed or 1.0
     absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
     rate = rates(scene)
+    # No step is longer than a force is a polynomial, so that none steps over a pulse.
+    parts = spans(courses, times[-1])
+    options = {"method": integrator.upper(), "rtol": max(tolerance, 3e-14), "atol": absolute}
 
     def run(velocity, strain, watch=True):
         if not np.isfinite(rate(0.0, start)).all():
             # From here scipy would look for a first step without end.
             return _broken_from_start(begin)(velocity, strain, watch)
-        result = solve_ivp(
-            rate,
-            (0, times[-1]),
-            start,
-            method=integrator.upper(),
-            t_eval=times,
-            rtol=max(tolerance, 3e-14),
-            atol=absolute,
-        )
-        if result.y.shape[1] < times.size:
-            velocity[:], strain[:] = np.nan, np.nan
-        velocity[: result.y.shape[1]] = result.y[:count].T
-        strain[: result.y.shape[1]] = result.y[count:].T
+        velocity[:], strain[:] = np.nan, np.nan
+        velocity[0], strain[0] = begin
+        state = start
+        for part in parts:
+            rows = np.flatnonzero((times > part.first) & (times <= part.last))
+            result = solve_ivp(
+                partial(_within, rate, part.inner) if courses else rate,
+                (part.first, part.last),
+                state,
+                t_eval=np.union1d(times[rows], part.last),
+                max_step=part.shortest,
+                **options,
+            )
+            rows = rows[: result.y.shape[1]]
+            velocity[rows], strain[rows] = np.split(result.y.T[: rows.size], 2, axis=1)
+            if not result.success:
+                break
+            state = result.y[:, -1]
         return _watched(velocity, strain) if watch else -1
 
     return run
+
+
+def _within(rate, inner, t, state):
+    """The rate at the nearest time at which the force is that of the whole span."""
+    return rate(min(max(t, inner[0]), inner[1]), state)
 
 
 @compiled
@@ -577,11 +592,9 @@ def _fourier(scene, begin):
         spectrum[np.abs(spectrum) <= 1e-15 * np.abs(spectrum).max()] = 0
         force[:, 0] = spectrum.view(float)
 
-    def amplitude(t):
-        return scene.force_time(t=t)
-
-    course = amplitude if profile.size else None
-    jumps = prepare_jumps(pairs, 0, force, scene.error_interval, times.size, course)
+    jumps = prepare_jumps(
+        pairs, 0, force[None], scene.error_interval, times.size, scene.courses()
+    )
     start = [np.fft.rfft(field).view(float) for field in (begin[0], begin[1])]
     # q̂ = i s ê, s the speed of waves.
     strained = speed * np.stack([-start[1][1::2], start[1][::2]], axis=1).ravel()
@@ -594,7 +607,7 @@ def _fourier(scene, begin):
 
     def run(velocity, strain, watch=True):
         first[:, 0], second[:, 0] = start[0], strained
-        jumps.run(state, course)
+        jumps.run(state)
         watched = watch and not (calm and np.isfinite(first[0]).all())
         for rows in blocks(times.size, FIELDS_AT_ONCE):
             velocity[rows] = np.fft.irfft(first[::2, rows].T + 1j * first[1::2, rows].T, count)
@@ -615,31 +628,41 @@ def _exponential(scene, begin):
     count, interval, times = scene.particle_count, scene.error_interval, scene.error_times
     matrix, scales = operator(scene), np.concatenate(energy_weights(scene))
     start = scales * np.concatenate(begin)
-    _, profile = scene.force_values(times[:1])
+    courses, (_, profile) = scene.courses(), scene.force_values(times[:1])
     trace = float(matrix.trace())
-    if profile.size:
-        points, weights = np.polynomial.legendre.leggauss(6)
-        fractions = (points + 1) / 2
+    # Parts of an interval short enough for the response to be a polynomial on each.
+    cells = max(1, int(np.ceil(abs(matrix).sum(axis=0).max() * interval / TURN)))
+    short = interval / cells
+    if courses:
         shape = scales * np.concatenate([profile, np.zeros(count)])
         responses = np.stack(
             [
-                interval / 2 * w * expm_multiply(matrix * (interval * (1 - c)), shape)
-                for c, w in zip(fractions, weights, strict=True)
+                short / 2 * w * expm_multiply(matrix * (short * (1 - c) / 2), shape)
+                for c, w in zip(POINTS, WEIGHTS, strict=True)
             ]
         )
+        first = np.arange(cells * (times.size - 1))
+        forces = [course.projected(first * short, (first + 1) * short) for course in courses]
+        values = sum(forces).reshape(times.size - 1, cells, POINTS.size)
+
+    def pushes():
+        """What the force adds from output to output, (outputs - 1, 2N)."""
+        added = values[:, 0] @ responses
+        for cell in range(1, cells):
+            carried = expm_multiply(matrix * short, added.T, traceA=trace * short)
+            added = carried.T + values[:, cell] @ responses
+        return added
 
     def run(velocity, strain, watch=True):
-        if not profile.size:
+        if not courses:
             states = expm_multiply(matrix, start, 0, times[-1], times.size, True, trace) / scales
             velocity[:], strain[:] = states[:, :count], states[:, count:]
             return _watched(velocity, strain) if watch else -1
-        state, jump = start, matrix * interval
-        amplitude = scene.force_time(t=(times[:-1, None] + interval * fractions).ravel())
-        pushes = amplitude.reshape(-1, fractions.size) @ responses
+        state, jump, added = start, matrix * interval, pushes()
         for row in range(times.size):
             velocity[row], strain[row] = np.split(state / scales, 2)
-            if row < len(pushes):
-                state = expm_multiply(jump, state, traceA=trace * interval) + pushes[row]
+            if row < len(added):
+                state = expm_multiply(jump, state, traceA=trace * interval) + added[row]
         return _watched(velocity, strain) if watch else -1
 
     return run

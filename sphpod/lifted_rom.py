@@ -17,7 +17,7 @@ output, exactly in time (``lifted_exact``) or as explicit Euler would go (``lift
 """
 
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -219,18 +219,17 @@ class LiftedModel:
         euler_steps = {"lifted_euler": scene.error_stride, "lifted_exact": 0}[method]
         kv = len(self.velocity_modes)
         back = own.from_modes
-        amplitude = None if scene.force_time is None else _course(scene)
         jumps = propagator.prepare(
             own.blocks,
             own.singles,
-            own.in_blocks(back[:, :kv] @ self.force),
+            own.in_blocks(back[:, :kv] @ self.force)[None],
             scene.error_interval,
             scene.error_times.size,
-            amplitude,
+            scene.courses(),
             euler_steps,
         )
         mass, _ = lifted.energy_weights(scene)
-        return Prepared(self, jumps, back[:, :kv] @ (self.velocity_modes * mass), amplitude)
+        return Prepared(self, jumps, back[:, :kv] @ (self.velocity_modes * mass))
 
     def coordinates(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates in the modes of velocity and strain, (times, kv) and (times, ke)."""
@@ -359,14 +358,11 @@ class Prepared:
     jumps : Jumps
     start : array, shape (coordinates, N)
         Initial velocity [m/s] to own coordinates.
-    amplitude : callable or None
-        Force at times [s].
     """
 
     model: LiftedModel
     jumps: Jumps
     start: np.ndarray
-    amplitude: Callable[[np.ndarray], np.ndarray] | None
 
     def new_state(self) -> np.ndarray:
         """An array for the own coordinates, shape (coordinates, times)."""
@@ -378,7 +374,7 @@ class Prepared:
         Only the start sees the particles.
         """
         state[:, 0] = self.start @ velocity0
-        self.jumps.run(state, self.amplitude)
+        self.jumps.run(state)
 
     def solve(self) -> np.ndarray:
         """Run the scene and give its own coordinates, shape (coordinates, times).
@@ -423,10 +419,6 @@ class Prepared:
         parts = (columns[:, :kv], columns[:, kv:]) if self.model.own.apart else (columns, columns)
         for part, shape, field in zip(parts, self.shapes, (velocity, strain), strict=True):
             np.matmul(part, shape, out=field)
-
-
-def _course(scene):
-    return lambda t: scene.force_time(t=t)
 
 
 def repeat_sph(

@@ -9,31 +9,36 @@ pairs share the output interval, so a jump is a 2×2 matrix a pair, made once: b
 which is exact in time, or as the power that repeats explicit Euler steps. A model that does not
 fall apart well is one block of all its coordinates.
 
-What a force adds from one output to the next is linear in the force. Its values at a few nodes of a
-panel of many outputs determine it there to rounding, so vectors made once turn them into all the
-panel's increments by one matrix product, and the force is evaluated nowhere else.
+What a force adds from one output to the next is linear in the force. Where it is proved to be a
+polynomial on a panel of many outputs (`sphpod.course`), its values at a few nodes determine it, so
+vectors made once turn them into all the panel's increments by one matrix product, and the force is
+evaluated nowhere else. Where it is not, as where it jumps, only its part that is a polynomial on an
+interval does anything, as the response of the model is one; explicit Euler takes its own times.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
-from numpy.polynomial import legendre
 
 from sphpod.compiled import compiled
-
-PANEL_NODES = 24
-"""Values of the force that determine it on a panel; more outputs share a panel of a slow force."""
+from sphpod.course import NODES, POINTS, WEIGHTS, Course
+from sphpod.expressions import Expression
 
 PANEL_ACCURACY = 1e-12
-"""Largest part of a force that its polynomial on a panel may miss; its own rounding is not far."""
+"""Largest part of a force's mean that its polynomial on a panel may miss."""
+
+ROUGH = 0.1
+"""Largest part of the outputs that may lie in panels on which the force is no polynomial."""
+
+TURN = 8.0
+"""Largest size of a model's operator times an interval on which its response is a polynomial."""
+
+VALUES = 2**22
+"""Increments made at once, where the force is rough."""
 
 BLOCK = 512
 """Outputs of a pair that are carried together; few enough for the processor's nearest cache."""
-
-Amplitude = Callable[[np.ndarray], np.ndarray]
-
 
 @dataclass(frozen=True)
 class Jumps:
@@ -48,19 +53,28 @@ class Jumps:
         How many of the n are single coordinates.
     forced : int array, shape (n, 2) or (1, s)
         Row of the increments for each coordinate, -1 where it does not feel the force.
+    amplitudes : tuple of Expressions
+        Time factor of each term of the force.
     nodes : array, shape (panels, nodes)
         Times at which the force is evaluated [s].
-    responses : array, shape (forced coordinates, nodes, outputs of a panel)
-        What the force at each node adds to each forced coordinate from output to output.
+    responses : array, shape (forced coordinates, terms × nodes, outputs of a panel)
+        What each term at each node adds to each forced coordinate from output to output.
+    rough : int array, shape (intervals,)
+        Intervals between outputs whose increments do not come from the panels.
+    increments : array, shape (forced coordinates, intervals)
+        What the force adds over each of those.
     """
 
     powers: np.ndarray
     singles: int
     forced: np.ndarray
+    amplitudes: tuple[Expression, ...]
     nodes: np.ndarray
     responses: np.ndarray
+    rough: np.ndarray
+    increments: np.ndarray
 
-    def run(self, state: np.ndarray, amplitude: Amplitude | None = None) -> None:
+    def run(self, state: np.ndarray) -> None:
         """Fill the outputs.
 
         Parameters
@@ -68,13 +82,14 @@ class Jumps:
         state : array, shape (coordinates, outputs)
             All α, those of pairs first, then all β; or those of the one block. The first column is
             the start.
-        amplitude : callable, optional
-            Force f at times [s]; needed where a coordinate is forced.
         """
-        increments = np.zeros((0, 0))
+        increments = self.increments
         if self.nodes.size:
-            values = amplitude(self.nodes.ravel()).reshape(self.nodes.shape)  # type: ignore[misc]
-            increments = (values @ self.responses).reshape(len(self.responses), -1)
+            times = self.nodes.ravel()
+            values = [f(t=times).reshape(self.nodes.shape) for f in self.amplitudes]
+            by_panel = np.concatenate(values, axis=1) @ self.responses
+            increments = by_panel.reshape(len(self.responses), -1)
+            increments[:, self.rough] = self.increments
         if self.powers.shape[-1] > 2:
             march_dense(self.powers[0, 0], increments, state)
         else:
@@ -88,7 +103,7 @@ def prepare(
     force: np.ndarray,
     interval: float,
     outputs: int,
-    amplitude: Amplitude | None = None,
+    courses: tuple[Course, ...] = (),
     euler_steps: int = 0,
 ) -> Jumps:
     """Make the jumps of a model, and the responses to its force.
@@ -99,14 +114,14 @@ def prepare(
         Matrix of each pair [1/s]; of the last ones, which are single coordinates, [0, 0] counts.
     singles : int
         How many of the n are single.
-    force : array, shape (n, 2) or (1, s)
-        g and h; zero where a coordinate is not forced.
+    force : array, shape (terms, n, 2) or (terms, 1, s)
+        g and h of each term; zero where a coordinate is not forced.
     interval : float
         Time from output to output [s].
     outputs : int
         Number of outputs, the start included.
-    amplitude : callable, optional
-        Force f at times [s], None without one. It decides how many outputs share a panel.
+    courses : tuple of Courses
+        Time factor f of each term; none without a force.
     euler_steps : int
         Explicit Euler steps from output to output that a jump repeats; 0 for jumps exact in time.
     """
@@ -116,18 +131,23 @@ def prepare(
     powers = [_jump(blocks, interval, euler_steps)]
     while 2 ** len(powers) < min(outputs, BLOCK):
         powers.append(powers[-1] @ powers[-1])
-    forced = np.full(force.shape, -1)
+    forced = np.full(force.shape[1:], -1)
     nodes, responses = np.zeros((0, 0)), np.zeros((0, 0, 0))
-    if amplitude is not None and np.any(force):
+    rough, increments = np.zeros(0, np.int64), np.zeros((0, 0))
+    if courses and outputs > 1 and np.any(force):
         # Within an interval the force on one coordinate of a block reaches the others too.
-        felt = np.repeat(force.any(axis=1, keepdims=True), force.shape[1], axis=1)
+        felt = np.repeat(force.any(axis=(0, 2))[:, None], force.shape[2], axis=1)
         felt[len(felt) - singles :, 1] = False
         forced[felt] = np.arange(np.count_nonzero(felt))
-        panel, inside = _panels(amplitude, interval, outputs - 1, euler_steps)
-        panels = np.arange((outputs - 1) // panel) * (panel * interval)
-        nodes = panels[:, None] + inside
-        responses = _responses(blocks, force, felt, interval, panel, inside, euler_steps)
-    return Jumps(np.array(powers), singles, forced, nodes, responses)
+        moved = felt[:, 0]
+        blocks, force, felt = blocks[moved], force[:, moved], felt[moved]
+        panel, starts, rough = _panels(courses, interval, outputs - 1)
+        if rough.size < outputs - 1:
+            nodes = starts[:, None] + panel * interval * ((POINTS + 1) / 2)
+            responses = _responses(blocks, force, felt, interval, panel, euler_steps)
+        increments = _increments(blocks, force, courses, rough, interval, euler_steps)[:, felt].T
+    amplitudes = tuple(course.expression for course in courses)
+    return Jumps(np.array(powers), singles, forced, amplitudes, nodes, responses, rough, increments)
 
 
 def _jump(blocks, duration, euler_steps):
@@ -173,26 +193,26 @@ def _exponential(pairs, duration):
     return result
 
 
-def _panels(amplitude, interval, intervals, euler_steps):
-    """Outputs of the longest panel on which a polynomial is the force, and its nodes.
+def _panels(courses, interval, intervals):
+    """The longest panels, in outputs, on which the force is a polynomial but for few of them.
 
-    Where the force is too rough for any panel, the nodes are the times of the Euler steps between
-    two outputs, which lose nothing, or Gauss points of that interval.
+    Returns
+    -------
+    panel : int
+    starts : array, shape (panels,)
+        [s].
+    rough : int array
+        Intervals between outputs in the panels on which it is not.
     """
-    points, _ = legendre.leggauss(PANEL_NODES)
-    checks = (points[:-1] + points[1:]) / 2
-    interpolation = _interpolation(points, checks)
     for panel in sorted((n for n in range(1, intervals + 1) if intervals % n == 0), reverse=True):
-        length = panel * interval
-        starts = np.arange(intervals // panel)[:, None] * length
-        values = amplitude((starts + length * (points + 1) / 2).ravel()).reshape(-1, PANEL_NODES)
-        between = amplitude((starts + length * (checks + 1) / 2).ravel()).reshape(-1, checks.size)
-        missed = np.abs(values @ interpolation.T - between).max()
-        if missed <= PANEL_ACCURACY * np.abs(values).max():
-            return panel, length * (points + 1) / 2
-    if euler_steps:
-        return 1, _euler_times(interval, euler_steps)
-    return 1, interval * (points + 1) / 2
+        edges = np.arange(intervals // panel + 1) * (panel * interval)
+        smooth = np.ones(intervals // panel, bool)
+        for course in courses:
+            limit = PANEL_ACCURACY * course.total / (intervals * interval)
+            smooth &= course.departures(edges[:-1], edges[1:]) <= limit
+        if np.count_nonzero(~smooth) <= ROUGH * smooth.size:
+            break
+    return panel, edges[:-1], np.flatnonzero(np.repeat(~smooth, panel))
 
 
 def _interpolation(nodes, times):
@@ -203,32 +223,83 @@ def _interpolation(nodes, times):
     return BarycentricInterpolator(nodes, np.eye(nodes.size), rng=0)(times)
 
 
-def _responses(blocks, force, felt, interval, panel, nodes, euler_steps):
+def _responses(blocks, force, felt, interval, panel, euler_steps):
     """What the force at each node adds to each forced coordinate over each interval of a panel."""
+    fractions, parts = _parts(blocks, force, interval, euler_steps)
+    if panel == 1 and not euler_steps:
+        to_times = np.eye(NODES)
+    else:
+        times = (np.arange(panel)[:, None] + fractions) / panel
+        to_times = _interpolation(POINTS, 2 * times.ravel() - 1)
+    shape = panel, fractions.size, NODES
+    shares = np.einsum("pcq,kcf->fkqp", to_times.reshape(shape), parts[:, :, felt])
+    return shares.reshape(len(shares), -1, panel)
+
+
+def _parts(blocks, force, interval, euler_steps):
+    """What a force at some times within an interval has become at its end.
+
+    Returns
+    -------
+    fractions : array, shape (times,)
+        The times, in intervals.
+    parts : array, shape (terms, times, n, 2) or (terms, times, 1, s)
+    """
     if euler_steps:
-        fractions = _euler_times(1, euler_steps)
-        weights = np.full(euler_steps, interval / euler_steps)
+        weight = interval / euler_steps
         remaining = [_jump_steps(blocks, interval, euler_steps, s) for s in range(euler_steps)]
-    else:
-        points, weights = legendre.leggauss(PANEL_NODES)
-        fractions, weights = (points + 1) / 2, interval / 2 * weights
-        remaining = [_jump(blocks, interval * (1 - c), 0) for c in fractions]
-    # What a force at each of these times within an interval has become at its end.
-    parts = [w * (r @ force[:, :, None])[..., 0] for w, r in zip(weights, remaining, strict=True)]
-    times = interval * (np.arange(panel)[:, None] + fractions)
-    if np.array_equal(nodes, times.ravel()):
-        # No polynomial through many times that are evenly spaced, which magnifies rounding.
-        to_times = np.eye(nodes.size)
-    else:
-        scale = 2 / (panel * interval)
-        to_times = _interpolation(scale * nodes - 1, (scale * times - 1).ravel())
-    shape = panel, fractions.size, nodes.size
-    return np.einsum("pcq,cf->fqp", to_times.reshape(shape), np.array(parts)[:, felt])
+        parts = [weight * (r @ force[..., None])[..., 0] for r in remaining]
+        return np.arange(euler_steps) / euler_steps, np.stack(parts, axis=1)
+    halvings = _halvings(blocks, interval)
+    short, fractions = interval / 2**halvings, (POINTS + 1) / 2
+    parts = np.stack(
+        [
+            short / 2 * w * (_jump(blocks, short * (1 - c), 0) @ force[..., None])[..., 0]
+            for c, w in zip(fractions, WEIGHTS, strict=True)
+        ],
+        axis=1,
+    )
+    # Of twice the interval the first half is carried on through the second.
+    first, second = (_interpolation(POINTS, (POINTS + end) / 2) for end in (-1, 1))
+    for doubling in range(halvings):
+        jump = _jump(blocks, short * 2**doubling, 0)
+        carried = (jump @ parts[..., None])[..., 0]
+        parts = np.einsum("kc...,cq->kq...", carried, first) + np.einsum(
+            "kc...,cq->kq...", parts, second
+        )
+    return fractions, parts
 
 
-def _euler_times(interval, euler_steps):
-    """Times at which the explicit Euler steps of an interval begin."""
-    return interval * (np.arange(euler_steps) / euler_steps)
+def _halvings(blocks, interval):
+    """Of an interval, until the response of each block is a polynomial on it."""
+    size = np.linalg.norm(blocks, 2, axis=(1, 2)).max() * interval
+    return max(0, int(np.ceil(np.log2(max(size, TURN) / TURN))))
+
+
+def _increments(blocks, force, courses, rough, interval, euler_steps):
+    """What a rough force adds over intervals, shape (intervals, n, 2) or (intervals, 1, s)."""
+    result = np.zeros((rough.size, *force.shape[1:]))
+    halvings = 0 if euler_steps else _halvings(blocks, interval)
+    short = interval / 2**halvings
+    fractions, parts = _parts(blocks, force, short, euler_steps)
+    jumps = [_jump(blocks, short * 2**doubling, 0) for doubling in range(halvings)]
+    points = max(fractions.size, force[0].size) * 2**halvings
+    chunk = max(1, VALUES // points)
+    for first in range(0, rough.size, chunk):
+        cells = rough[first : first + chunk, None] * 2**halvings + np.arange(2**halvings)
+        cells = cells.ravel()
+        added = np.zeros((cells.size, *force.shape[1:]))
+        for course, part in zip(courses, parts, strict=True):
+            if euler_steps:
+                values = course.expression(t=interval * (cells[:, None] + fractions))
+            else:
+                values = course.projected(cells * short, (cells + 1) * short)
+            added += np.tensordot(values, part, axes=1)
+        for jump in jumps:
+            earlier, later = added[::2], added[1::2]
+            added = (jump @ earlier[..., None])[..., 0] + later
+        result[first : first + chunk] = added
+    return result
 
 
 def _jump_steps(blocks, interval, euler_steps, done):

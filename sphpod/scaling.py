@@ -115,9 +115,9 @@ def _jumps(scene, modes):
     scene = replace(scene, duration=1.0, error_interval=1.0 / JUMPS, time_step=1.0 / JUMPS)
     rows = waves(scene.particle_count, modes)
     prepared = lifted_rom.LiftedModel(scene, rows, rows[1:], 1).prepare("lifted_exact")
-    state, jumps, amplitude = prepared.new_state(), prepared.jumps, prepared.amplitude
+    state, jumps = prepared.new_state(), prepared.jumps
     state[:, 0] = prepared.start @ scene.velocity0()
-    return lambda: jumps.run(state, amplitude)
+    return lambda: jumps.run(state)
 
 
 def waves(particle_count: int, mode_count: int) -> np.ndarray:

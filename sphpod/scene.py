@@ -1,13 +1,19 @@
 """What is simulated: domain, initial state, material, damping, force, and discretisation."""
 
+import logging
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 
 from sphpod import stability
+from sphpod.course import Course
+from sphpod.enclosure import enclose
 from sphpod.expressions import Expression
 from sphpod.kernel import derivative, neighbour_count, neighbour_lists, stencil_weights
+
+logger = logging.getLogger(__name__)
 
 PHYSICS_KEYS = (
     "domain_length",
@@ -222,6 +228,18 @@ class Scene:
         shape = np.ones_like(x) if self.force_profile is None else self.force_profile(x=x)
         return self.force_time(t=times), shape
 
+    def courses(self) -> tuple[Course, ...]:
+        """Course of each term of the force over the times of the error integral.
+
+        The log tells where it could not be proved.
+        """
+        if self.force_time is None:
+            return ()
+        course = Course.of(self.force_time, self.error_times[-1])
+        if not np.isfinite(course.missed):
+            _warn_of_force(self.name, self.force_time.text)
+        return (course,)
+
     def neighbour_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Neighbours of each particle and their weights, as `kernel.neighbour_lists` gives them."""
         return neighbour_lists(
@@ -233,6 +251,15 @@ class Scene:
         if self.is_even:
             return derivative(fields, stencil_weights(self.spacing, self.smoothing_ratio))
         return (derivative_matrix(self) @ fields.T).T
+
+
+@lru_cache
+def _warn_of_force(name, text):
+    logger.warning(
+        "scene %s: force = %s: it may not be finite somewhere, or breaks more often than can be "
+        "followed: what it does from output to output is an estimate, and no error is certified",
+        name, text,
+    )  # fmt: skip
 
 
 def derivative_matrix(scene: Scene):
@@ -335,6 +362,10 @@ def check_setting(scene: Scene) -> None:
     if scene.force_time is not None:
         times = scene.error_times
         _check_values(scene, "force", scene.force_time(t=times), times, refuse, "t")
+        if not _is_bounded(scene.force_time, scene.duration):
+            for course in scene.courses():
+                if not np.isnan(course.singular):
+                    _check_values(scene, "force", [np.nan], [course.singular], refuse, "t")
         if scene.force_profile is not None:
             _check_values(scene, "force.profile", scene.force_profile(x=fine), fine, refuse)
 
@@ -342,6 +373,13 @@ def check_setting(scene: Scene) -> None:
 def _is_multiple(value, step):
     ratio = value / step
     return round(ratio) >= 1 and abs(ratio - round(ratio)) <= 1e-9 * ratio
+
+
+def _is_bounded(force, duration):
+    """Whether bounds on few intervals show that a force is finite, without following its course."""
+    edges = np.linspace(0, duration, 17)
+    bounds = enclose(force, edges[:-1], edges[1:])
+    return bool(np.isfinite([bounds.low, bounds.high]).all())
 
 
 def _check_values(scene, key, values, points, refuse, variable="x"):

@@ -1,0 +1,318 @@
+"""The course of a force in time, as polynomials on pieces of it that are proved to be the force.
+
+A force's time factor is an expression, whose tree `sphpod.enclosure` bounds over whole intervals.
+Where that shows one analytic function, few enough changes to an interval, the polynomial through
+its values at Chebyshev points is the function to rounding. Elsewhere the interval is halved, until
+it is so short that whatever happens within cannot matter: a jump ends between two neighbouring
+floating-point numbers. No sample decides, so that no pulse is too short to be seen.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.polynomial import chebyshev, legendre
+
+from sphpod.enclosure import enclose, remainder
+from sphpod.expressions import Expression
+
+NODES = 24
+"""Coefficients of each polynomial, and points of the rules that integrate with it."""
+
+TOLERANCE = 1e-12
+"""Part of ∫|f| dt that the polynomials may miss where f is smooth."""
+
+BREAKS = 1e-11
+"""Part of ∫|f| dt that may fall into breaks."""
+
+LIMIT = 2**21
+"""Intervals looked at, beyond which a force is not followed further and not proved."""
+
+OPEN_LIMIT = 2**15
+"""Pieces that may be undecided at once."""
+
+LEBESGUE = 8.0
+"""No interpolation through Chebyshev or Gauss points magnifies rounding at the nodes by more."""
+
+MISSED = remainder(NODES - 1) * (1 + LEBESGUE)
+"""Largest deviation of an interpolation on an interval, of the size of f in the interval's disc."""
+
+POINTS, WEIGHTS = legendre.leggauss(NODES)
+"""Gauss-Legendre points in [-1, 1] and their weights."""
+
+PLACES = np.cos(np.pi * (np.arange(NODES)[::-1] + 0.5) / NODES)
+"""Chebyshev points in [-1, 1]."""
+
+_TO_COEFFICIENTS = chebyshev.chebvander(PLACES, NODES - 1) * (2 / NODES)
+_TO_COEFFICIENTS[:, 0] /= 2
+_SEEN = (1 + np.cos(np.pi * (np.arange(3) + 0.5) / 3)) / 2
+_TO_POINTS = chebyshev.chebvander(POINTS, NODES - 1).T
+
+
+@dataclass(frozen=True)
+class Course:
+    """Polynomials that are a force.
+
+    Attributes
+    ----------
+    expression : Expression
+        f(t) [m/s²].
+    edges : array, shape (pieces + 1,)
+        Ascending from 0 to T [s].
+    coefficients : array, shape (pieces, NODES)
+        Chebyshev coefficients on each piece [m/s²].
+    missed : float
+        Bound of ∫|f - p| dt over all pieces [m/s]; infinite where it could not be proved.
+    total : float
+        ∫|p| dt by Gauss-Legendre quadrature [m/s].
+    smooth : bool array, shape (pieces,)
+        Whether f is proved to be one analytic function on the piece; on others, where it breaks,
+        the polynomial is the middle of its bounds.
+    breaks : array
+        Those edges across which f is not known to be one analytic function [s].
+    singular : float
+        A time at which f was found not to be finite [s], nan if none was.
+    """
+
+    expression: Expression
+    edges: np.ndarray
+    coefficients: np.ndarray
+    missed: float
+    total: float
+    smooth: np.ndarray
+    breaks: np.ndarray
+    singular: float
+
+    @classmethod
+    def of(cls, expression: Expression, duration: float) -> "Course":
+        """The course of an expression in t over [0, duration], made once in a process."""
+        constants = tuple(sorted(expression.constants.items()))
+        return _course(expression.text, expression.variables, constants, float(duration))
+
+    def __call__(self, times: np.ndarray) -> np.ndarray:
+        """The polynomials at times [s]."""
+        times = np.asarray(times, dtype=np.float64)
+        piece = np.searchsorted(self.edges, times, side="right") - 1
+        piece = np.clip(piece, 0, len(self.coefficients) - 1)
+        low, high = self.edges[piece], self.edges[piece + 1]
+        place = np.clip(((times - low) - (high - times)) / (high - low), -1, 1)
+        coefficients = np.moveaxis(self.coefficients[piece], -1, 0)
+        return chebyshev.chebval(place, coefficients, tensor=False)
+
+    def departures(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Bounds of |f - q| on intervals, q the polynomial through f at their Gauss points.
+
+        Parameters
+        ----------
+        low, high : arrays, shape (intervals,)
+            Ends of the intervals [s].
+
+        Returns
+        -------
+        array, shape (intervals,)
+            Infinite where f is not known to be one analytic function.
+        """
+        return enclose(self.expression, low, high).radius * MISSED
+
+    def projected(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+        """Polynomials nearest to f in the mean on intervals, at the intervals' Gauss points.
+
+        What a force does through any response that is a polynomial of degree below `NODES`, it does
+        through these values too.
+
+        Parameters
+        ----------
+        low, high : arrays, shape (intervals,)
+            Ends of ascending intervals that do not overlap [s].
+
+        Returns
+        -------
+        array, shape (intervals, NODES)
+        """
+        cuts = np.unique(np.concatenate([low, high, self.edges]))
+        cuts = cuts[(cuts >= low[0]) & (cuts <= high[-1])]
+        start, end = cuts[:-1], cuts[1:]
+        interval = np.searchsorted(low, start, side="right") - 1
+        inside = start < high[interval]
+        start, end, interval = start[inside], end[inside], interval[inside]
+        piece = np.searchsorted(self.edges, start, side="right") - 1
+        piece = np.clip(piece, 0, len(self.coefficients) - 1)
+        times = start[:, None] + (end - start)[:, None] * ((1 + POINTS) / 2)
+        values = self._on(piece, times)
+        result = np.zeros((low.size, NODES))
+        whole = np.bincount(interval, minlength=low.size) == 1
+        result[interval[whole[interval]]] = values[whole[interval]]
+        # Moments with Legendre polynomials: exact, as both factors are polynomials on each part.
+        part = ~whole[interval]
+        interval, width = interval[part], (high - low)[interval[part], None]
+        places = 2 * (times[part] - low[interval, None]) / width - 1
+        shares = values[part] * WEIGHTS * ((end - start)[part, None] / width)
+        moments = np.zeros_like(result)
+        polynomials = legendre.legvander(np.clip(places, -1, 1), NODES - 1)
+        np.add.at(moments, interval, np.einsum("iq,iqk->ik", shares, polynomials))
+        to_points = legendre.legvander(POINTS, NODES - 1).T * (np.arange(NODES)[:, None] + 0.5)
+        result[~whole] = moments[~whole] @ to_points
+        return result
+
+    def _on(self, piece, times):
+        """Values of pieces (n,) at times (n, points) in them."""
+        low, high = self.edges[piece, None], self.edges[piece + 1, None]
+        places = np.clip(((times - low) - (high - times)) / (high - low), -1, 1)
+        coefficients = np.moveaxis(self.coefficients[piece], 1, 0)[..., None]
+        return chebyshev.chebval(places, coefficients, tensor=False)
+
+
+@dataclass(frozen=True)
+class Span:
+    """A time in which a force is smooth, with what it breaks in before it.
+
+    Attributes
+    ----------
+    first, last : float
+        Start and end [s]; the spans of a force follow one another without a gap.
+    inner : (float, float)
+        The times between which it is smooth [s].
+    shortest : float
+        Shortest piece on which it is a polynomial [s].
+    """
+
+    first: float
+    last: float
+    inner: tuple[float, float]
+    shortest: float
+
+
+def spans(courses: tuple[Course, ...], duration: float) -> list[Span]:
+    """Spans of a force that is a sum of terms, one at least."""
+    cuts = [part for course in courses for part in (course.breaks, course.edges[[0, -1]])]
+    ends = np.unique(np.concatenate([*cuts, [0.0, duration]]))
+    found: list[Span] = []
+    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+        shortest, middle = np.inf, (begin + end) / 2
+        for course in courses:
+            piece = np.searchsorted(course.edges, middle) - 1
+            within = (course.edges[:-1] < end) & (course.edges[1:] > begin)
+            smooth = course.smooth[min(max(piece, 0), course.smooth.size - 1)]
+            shortest = min(shortest, np.diff(course.edges)[within].min(initial=end - begin))
+            if not smooth:
+                break
+        else:
+            inner = float(np.nextafter(begin, end)), float(np.nextafter(end, begin))
+            found.append(Span(found[-1].last if found else 0.0, float(end), inner, float(shortest)))
+    if not found or found[-1].last < duration:
+        first = found[-1].last if found else 0.0
+        found.append(Span(first, duration, (first, duration), np.inf))
+    return found
+
+
+@lru_cache(maxsize=64)
+def _course(text, variables, constants, duration):
+    expression = Expression(text, variables, dict(constants))
+    low, high, decided, radius = _merged(expression, *_pieces(expression, duration))
+    edges, width, smooth = np.append(low, duration), high - low, np.isfinite(radius)
+    times = low[:, None] + width[:, None] * ((1 + PLACES) / 2)
+    values = _values(expression, times)
+    missed = np.full(low.size, np.inf)
+    doubt = _rounding(expression, times[smooth])
+    missed[smooth] = MISSED * radius[smooth] + LEBESGUE * doubt
+    # Of what may break the polynomial is the middle of its bounds.
+    rest = np.flatnonzero(~smooth)
+    bounds = enclose(expression, low[rest], high[rest])
+    bounded = decided[rest] & np.isfinite(bounds.high - bounds.low)
+    rest, bottom, top = rest[bounded], bounds.low[bounded], bounds.high[bounded]
+    values[rest], missed[rest] = (bottom + top)[:, None] / 2, (top - bottom) / 2
+    seen = np.concatenate([times.ravel(), edges])
+    sound = np.isfinite(np.concatenate([values.ravel(), _values(expression, edges)]))
+    values[~np.isfinite(values)] = 0
+    coefficients = values @ _TO_COEFFICIENTS
+    total = np.sum(width / 2 * (np.abs(coefficients @ _TO_POINTS) @ WEIGHTS))
+    breaks = edges[1:-1][~np.isfinite(enclose(expression, low[:-1], high[1:]).radius)]
+    for array in (edges, coefficients, smooth, breaks):
+        array.setflags(write=False)
+    return Course(
+        expression,
+        edges,
+        coefficients,
+        float(missed @ width),
+        float(total),
+        smooth,
+        breaks,
+        float(np.min(seen[~sound], initial=np.inf)) if not sound.all() else np.nan,
+    )
+
+
+def _rounding(expression, times):
+    """Largest effect of rounding on values at times (pieces, points), shape (pieces,)."""
+    points = enclose(expression, times.ravel(), times.ravel())
+    return (points.high - points.low).reshape(times.shape).max(axis=1, initial=0)
+
+
+def _values(expression, times):
+    (name,) = expression.variables
+    return expression(**{name: times})
+
+
+def _pieces(expression, duration):
+    """Ends of pieces, whether each is decided, the radius of its disc, and ∫|f| over it."""
+    low = np.linspace(0, duration, 17)
+    low, high = low[:-1], low[1:]
+    done = []
+    known, count = 0.0, 0
+    while low.size:
+        width, middle = high - low, (low + high) / 2
+        bounds = enclose(expression, low, high)
+        error, sizes = MISSED * bounds.radius, np.zeros(low.size)
+        analytic = np.isfinite(error)
+        with np.errstate(invalid="ignore", over="ignore"):
+            times = (low[:, None] + width[:, None] * _SEEN)[analytic]
+            sizes[analytic] = np.abs(_values(expression, times)).mean(axis=1)
+            smooth = error <= TOLERANCE * sizes
+            known += float(np.sum((width * sizes)[smooth & np.isfinite(sizes)]))
+            smooth |= error <= TOLERANCE * known / duration
+            # What is left undecided matters too little, or lies between two neighbouring numbers.
+            ended = (bounds.high - bounds.low) * width <= BREAKS * known / low.size
+        decided = smooth | ended | (middle <= low) | (middle >= high)
+        count += low.size
+        over = count > LIMIT or np.count_nonzero(~decided) > OPEN_LIMIT
+        taken = decided | over
+        parts = low, high, decided, bounds.radius, sizes * width
+        done.append([part[taken] for part in parts])
+        low, middle, high = (ends[~taken] for ends in (low, middle, high))
+        low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+    parts = [np.concatenate(part) for part in zip(*done, strict=True)]
+    order = np.argsort(parts[0], kind="stable")
+    return [part[order] for part in parts]
+
+
+def _merged(expression, low, high, decided, radius, sums):
+    """Neighbours that one polynomial fits as well, or that one break fills, made one piece."""
+    broken = decided & ~np.isfinite(radius)
+    first = ~(broken & np.roll(broken, 1))
+    first[0] = True
+    high = np.append(low[first][1:], high[-1])
+    low, decided, radius, sums = (part[first] for part in (low, decided, radius, sums))
+    mean = np.nansum(sums) / (high[-1] - low[0])
+    # Whether a piece may be joined with the next one, and has not been seen not to.
+    untried = np.isfinite(radius)
+    while untried[:-1].any():
+        for first in (0, 1):
+            left = np.arange(first, low.size - 1, 2)
+            left = left[untried[left]]
+            left, apart = left[np.isfinite(radius[left + 1])], left
+            untried[apart] = False
+            joint = enclose(expression, low[left], high[left + 1]).radius
+            with np.errstate(invalid="ignore", over="ignore"):
+                own = (sums[left] + sums[left + 1]) / (high[left + 1] - low[left])
+                fit = MISSED * joint <= TOLERANCE * np.fmax(own, mean)
+            joined = left[fit]
+            radius[joined], high[joined] = joint[fit], high[joined + 1]
+            sums[joined] += sums[joined + 1]
+            decided[joined] &= decided[joined + 1]
+            before = np.maximum(joined - 1, 0)
+            untried[joined], untried[before] = True, np.isfinite(radius[before])
+            keep = np.ones(low.size, bool)
+            keep[joined + 1] = False
+            low, high, decided, radius, sums, untried = (
+                part[keep] for part in (low, high, decided, radius, sums, untried)
+            )
+    return low, high, decided, radius
