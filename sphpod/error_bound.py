@@ -33,30 +33,29 @@ length of a difference of coordinates.
 **Integrals.** Times are a grid of the bound's own, as fine as the motion needs, whatever the
 outputs are. With y the values at the ends of a step δ, and within it
 
-- |r''| at most β,
-- jumps of r by J and of r' by K, where one piece of the force ends, whose part in r is at most
-  κ = |J| + δ |K|,
+- p̄ the force p if it is one polynomial there, and else its value at the beginning,
+- r̄ what r would be from there on with p̄, and |r̄''| at most β,
+- |r - r̄| at most κ = |p - p̄| (|g| + δ Σ |G| |h|), over blocks, for r = G z + g p,
 
-|r| is at most what lies linearly between its ends' norms, as a norm is convex, + β s(δ - s)/2 + 2κ:
-κ itself, and as the function without jumps is off by κ at the end. Hence, and by Minkowski,
+r̄ is at most what lies linearly between its ends' norms, as a norm is convex, + β s(δ - s)/2, and r
+that + 2κ: κ itself, and as r̄ is off by κ at the end. Hence, and by Minkowski,
 
     ∫|r| ≤ δ (y₀ + y₁)/2 + β δ³/12 + 2κδ,
     √∫|r|² ≤ √(δ (y₀² + y₀y₁ + y₁²)/3) + β √(δ⁵/120) + 2κ√δ.
 
-β is the smallest of Taylor's bounds: for each order q, with all jumps within the step in |r⁽ⁿ⁾|,
+β is the smallest of Taylor's bounds, of any order q ≥ 2:
 
-    β = Σ |r⁽ⁿ⁾| δⁿ⁻²/(n - 2)!, n = 2 … q - 1,  + sup |r⁽ᑫ⁾| δᑫ⁻²/(q - 2)!.
+    β = Σ |r̄⁽ⁿ⁾| δⁿ⁻²/(n - 2)!, n = 2 … q - 1,  + sup |r̄⁽ᑫ⁾| δᑫ⁻²/(q - 2)!.
 
-With r = G z + g p it is r⁽ⁿ⁾ = G z⁽ⁿ⁾ + g p⁽ⁿ⁾. As (z⁽ⁿ⁾)' = M z⁽ⁿ⁾ + h p⁽ⁿ⁾ and no block of M lets its
-length grow, each block of z⁽ᑫ⁾ is within the step at most as long as at its beginning, and by what
-its jumps and the force add. Sums of Chebyshev coefficients bound p⁽ⁿ⁾. The grid is refined until β
-and κ matter little. Where f is not p, ∫|f - p| times |F| is added.
+As (z⁽ⁿ⁾)' = M z⁽ⁿ⁾ + h p̄⁽ⁿ⁾ and no block of M lets its length grow, each block of z⁽ᑫ⁾ is within the
+step at most as long as at its beginning, and by what the force adds. Sums of Chebyshev coefficients
+bound p̄⁽ⁿ⁾ and how far p strays. The grid is refined until β and κ matter little. Where f is not p,
+∫|f - p| times |F| is added.
 
 All norms are of QR factors of the size of the reduced model; a Gram matrix would lose half their
 digits.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import factorial
@@ -66,7 +65,7 @@ from numpy.polynomial import chebyshev
 
 from sphpod import lifted, propagator
 from sphpod.compiled import compiled
-from sphpod.course import Course, course
+from sphpod.course import Course
 from sphpod.lifted_rom import LiftedModel, Prepared
 from sphpod.scene import Scene
 
@@ -97,7 +96,7 @@ class FullModel:
         𝓐 [1/s].
     start : array, shape (2N,)
         Scaled initial fields.
-    courses : list of Course
+    courses : tuple of Courses
         p of each force.
     forces : array, shape (2N, forces)
         F: the scaled profiles.
@@ -106,17 +105,16 @@ class FullModel:
     scene: Scene
     operator: object
     start: np.ndarray
-    courses: Sequence[Course]
+    courses: tuple[Course, ...]
     forces: np.ndarray
 
     @classmethod
     def of(cls, scene: Scene) -> "FullModel":
         mass, _ = lifted.energy_weights(scene)
         none = np.zeros(mass.size)
-        courses, columns = [], np.zeros((2 * mass.size, 0))
+        courses, columns = (), np.zeros((2 * mass.size, 0))
         if scene.force_time is not None:
-            time = scene.force_time
-            courses = [course(lambda t: time(t=t), scene.duration)]
+            courses = scene.courses()
             _, profile = scene.force_values(np.zeros(1))
             columns = np.concatenate([mass * profile, none])[:, None]
         start = np.concatenate([mass * scene.velocity0(), none])
@@ -186,77 +184,89 @@ class Motion:
     ----------
     step : float
         δ [s].
-    push : array, shape (coordinates, forces)
-        h.
-    rates : array, shape (ORDER + 1, coordinates + forces, steps + 1)
-        z, and p of each force below, and their derivatives.
-    reach : array, shape (ORDER + 1, blocks, steps)
+    values : array, shape (coordinates + forces, steps + 1)
+        z, and p of each force below.
+    rates : array, shape (ORDER, coordinates + forces, steps)
+        Their derivatives at the beginning of each step, if p̄ follows.
+    reach : array, shape (ORDER, blocks, steps)
         Length of each block of them within a step, at most.
-    sizes : array, shape (ORDER + 1, forces, steps)
-        |p| and its derivatives within a step, at most.
-    jumps : array, shape (ORDER + 1, forces, steps)
-        Jumps of p and of its derivatives within a step, their sizes added up.
+    sizes : array, shape (ORDER, forces, steps)
+        Derivatives of p̄ within a step, at most.
+    strays : array, shape (forces, steps)
+        |p - p̄| within a step, at most.
     """
 
     step: float
-    push: np.ndarray
+    values: np.ndarray
     rates: np.ndarray
     reach: np.ndarray
     sizes: np.ndarray
-    jumps: np.ndarray
+    strays: np.ndarray
 
     @classmethod
     def of(cls, full: FullModel, model: LiftedModel, start: np.ndarray, steps: int) -> "Motion":
-        own, step = model.own, full.scene.duration / steps
+        own, step, count = model.own, full.scene.duration / steps, start.size
         push = forces_on(full, model)
-        amplitude = full.courses[0] if full.courses else None
         prepared = propagator.prepare(
-            own.blocks, own.singles, own.in_blocks(push.sum(axis=1)), step, steps + 1, amplitude
+            own.blocks,
+            own.singles,
+            np.array([own.in_blocks(part) for part in (push.T if push.size else np.zeros((1, count)))]),
+            step,
+            steps + 1,
+            full.courses,
         )
-        rates = np.zeros((ORDER + 1, start.size + push.shape[1], steps + 1))
-        rates[0, : start.size, 0] = start
-        prepared.run(rates[0, : start.size], amplitude)
+        values = np.zeros((count + push.shape[1], steps + 1))
+        values[:count, 0] = start
+        prepared.run(values[:count])
         times = np.arange(steps + 1) * step
-        sizes, jumps = np.zeros((2, ORDER + 1, push.shape[1], steps))
+        rates = np.zeros((ORDER, len(values), steps))
+        sizes, strays = np.zeros((ORDER, push.shape[1], steps)), np.zeros((push.shape[1], steps))
         for n, one in enumerate(full.courses):
-            rates[:, start.size + n], sizes[:, n], jumps[:, n] = _seen_from(one, times)
-        reach = np.empty((ORDER + 1, len(own.members), steps))
-        # Jumps of p make the derivatives of z jump.
-        jumping = np.zeros((start.size, steps))
-        for n in range(ORDER + 1):
-            if n:
-                rates[n, : start.size] = (
-                    own.operator @ rates[n - 1, : start.size] + push @ rates[n - 1, start.size :]
-                )
-                jumping = np.abs(own.operator) @ jumping + np.abs(push) @ jumps[n - 1]
+            values[count + n], rates[:, count + n], sizes[:, n], strays[n] = _within(one, times)
+        reach = np.empty((ORDER, len(own.members), steps))
+        before = values[:, :-1]
+        for order, now in enumerate(rates):
+            now[:count] = own.operator @ before[:count] + push @ before[count:]
+            before = now
             for m, block in enumerate(own.members):
-                reach[n, m] = np.linalg.norm(rates[n, block, :-1], axis=0)
-                if push.size:
-                    reach[n, m] += step * np.linalg.norm(push[block], axis=0) @ sizes[n]
-                    reach[n, m] += np.linalg.norm(jumping[block], axis=0)
-        return cls(step, push, rates, reach, sizes, jumps)
+                reach[order, m] = np.linalg.norm(now[block], axis=0)
+                reach[order, m] += step * np.linalg.norm(push[block], axis=0) @ sizes[order]
+        return cls(step, values, rates, reach, sizes, strays)
 
 
-def _seen_from(course, times):
-    """p and derivatives at times, their largest sizes and summed jumps from one to the next."""
-    edges, steps = course.edges, times.size - 1
-    last = len(course.coefficients) - 1
+def _within(course, times):
+    """p at times, and in each step between them what the docstring of the module calls p̄.
+
+    Returns
+    -------
+    values : array, shape (steps + 1,)
+    rates, sizes : arrays, shape (ORDER, steps)
+        Derivatives of p̄, at the beginning and at most.
+    strays : array, shape (steps,)
+    """
+    edges, coefficients = course.edges, course.coefficients
+    last = len(coefficients) - 1
     scale = 2 / np.diff(edges)
-    piece = np.clip(np.searchsorted(edges, times, "right") - 1, 0, last)
-    place = scale[piece] * (times - edges[piece]) - 1
-    until = np.clip(np.searchsorted(edges, times[1:], "left") - 1, piece[:-1], last)
-    ends = np.stack([piece[:-1], until + 1], axis=1).ravel()
-    step = np.clip(np.searchsorted(times, edges[1:-1], "left") - 1, 0, steps - 1)
-    values, sizes, jumps = [], [], []
-    coefficients = course.coefficients
-    for _ in range(ORDER + 1):
-        values.append(chebyshev.chebval(place, coefficients[piece].T, tensor=False))
-        largest = np.pad(np.abs(coefficients).sum(axis=1), (0, 1))
-        sizes.append(np.maximum.reduceat(largest, ends)[::2])
-        jump = chebyshev.chebval(-1, coefficients[1:].T) - chebyshev.chebval(1, coefficients[:-1].T)
-        jumps.append(np.bincount(step, np.abs(jump), steps))
-        coefficients = chebyshev.chebder(coefficients, axis=1) * scale[:, None]
-    return np.array(values), np.array(sizes), np.array(jumps)
+    first = np.clip(np.searchsorted(edges, times, "right") - 1, 0, last)
+    place = np.clip(scale[first] * (times - edges[first]) - 1, -1, 1)
+    values = chebyshev.chebval(place, coefficients[first].T, tensor=False)
+    piece, until = first[:-1], first[1:]
+    alone = piece == until
+    # How much p changes within each piece and from one to the next, summed up.
+    inside = 2 * np.abs(coefficients[:, 1:]).sum(axis=1)
+    jumps = np.abs(
+        chebyshev.chebval(-1, coefficients[1:].T) - chebyshev.chebval(1, coefficients[:-1].T)
+    )
+    summed = np.concatenate([[0], np.cumsum(inside + np.append(jumps, 0))])
+    strays = np.where(alone, 0, summed[until] + inside[until] - summed[piece])
+    rates, sizes = np.zeros((2, ORDER, alone.size))
+    piece, place, scale = piece[alone], place[:-1][alone], scale[piece[alone]]
+    part = coefficients[piece].T
+    for order in range(ORDER):
+        part = chebyshev.chebder(part) * scale
+        rates[order, alone] = chebyshev.chebval(place, part, tensor=False)
+        sizes[order, alone] = np.abs(part).sum(axis=0)
+    return values, rates, sizes, strays
 
 
 @dataclass(frozen=True)
@@ -269,49 +279,39 @@ class Map:
         QR factor of G and g.
     blocks : array, shape (blocks,)
         Norms of G on each block.
-    pushed : array, shape (ORDER + 1, forces)
-        |g|, |G h|, |G M h|, ….
+    direct, pushed : arrays, shape (forces,)
+        |g|, and the sum over the blocks of the norms of G times those of h.
     """
 
     factor: np.ndarray
     blocks: np.ndarray
+    direct: np.ndarray
     pushed: np.ndarray
 
     @classmethod
     def of(cls, model: LiftedModel, push: np.ndarray, columns: np.ndarray) -> "Map":
-        count = len(model.own.operator)
-        factor = np.linalg.qr(columns, mode="r")
-        pushed = [factor[:, count:]]
-        for _ in range(ORDER):
-            pushed.append(factor[:, :count] @ push)
-            push = model.own.operator @ push
-        return cls(
-            factor,
-            np.array([np.linalg.norm(factor[:, block], 2) for block in model.own.members]),
-            np.array([np.linalg.norm(part, axis=0) for part in pushed]),
-        )
+        factor, members = np.linalg.qr(columns, mode="r"), model.own.members
+        blocks = np.array([np.linalg.norm(factor[:, block], 2) for block in members])
+        lengths = np.array([np.linalg.norm(push[block], axis=0) for block in members])
+        direct = np.linalg.norm(factor[:, len(push) :], axis=0)
+        return cls(factor, blocks, direct, blocks @ lengths)
 
     def on(self, motion: Motion) -> "Norms":
         step = motion.step
-        ends = np.linalg.norm(self.factor @ motion.rates[0], axis=0)
-
-        def jumps(order):
-            parts = zip(self.pushed[order::-1], motion.jumps, strict=False)
-            return sum(size @ jump for size, jump in parts)
-
+        ends = np.linalg.norm(self.factor @ motion.values, axis=0)
         bends, known = np.inf, 0.0
-        for order in range(2, ORDER + 1):
-            weight = step ** (order - 2) / factorial(order - 2)
-            within = self.blocks @ motion.reach[order] + self.pushed[0] @ motion.sizes[order]
+        for order in range(1, ORDER):
+            weight = step ** (order - 1) / factorial(order - 1)
+            within = self.blocks @ motion.reach[order] + self.direct @ motion.sizes[order]
             bends = np.minimum(bends, known + weight * within)
-            here = np.linalg.norm(self.factor @ motion.rates[order, :, :-1], axis=0)
-            known = known + weight * (here + jumps(order))
-        return Norms(step, ends[:-1], ends[1:], bends, 2 * (jumps(0) + step * jumps(1)))
+            known = known + weight * np.linalg.norm(self.factor @ motion.rates[order], axis=0)
+        stray = (self.direct + step * self.pushed) @ motion.strays
+        return Norms(step, ends[:-1], ends[1:], bends, 2 * stray)
 
 
 @dataclass(frozen=True)
 class Norms:
-    """Norms at the ends of each step, and what may be added within: β and 2κ."""
+    """Norms at the ends of each step, and what may be added within, β and 2κ."""
 
     step: float
     first: np.ndarray
