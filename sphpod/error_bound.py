@@ -81,6 +81,9 @@ EXCESS = 0.05
 ROUNDING = 1e-13
 """Part of the solution's size below which nothing is worth refining, and columns are rounding."""
 
+LEVELS, SHARP = 3, 3.0
+"""Enrichments, one of the other, until the bound is at most so many times what is known."""
+
 WEAKEST = 1e-8
 """Size of an enriching mode, of the largest of its kind, from which it is taken."""
 
@@ -459,17 +462,20 @@ def error_bounds(
         [Bound.of(full, model, start, modes), Bound.of(full, model, start, modes, change)],
         0.0,
     )
-    richer = enriched(full, model, change * np.abs(state).max(axis=1))
-    richly = richer.prepare("lifted_exact")
-    richer_state = richly.new_state()
-    richly.run(model.scene.velocity0(), richer_state)
-    known = _difference(model.coordinates(state), richer.coordinates(richer_state))
-    start, modes = richer_state[:, 0], own_modes(richer)
-    change = corrections(full, richer, modes)
-    (beyond,) = _over_time(
-        full, richer, start, [Bound.of(full, richer, start, modes, change)], known.max()
-    )
-    best = np.minimum(np.minimum(plain, corrected), known + beyond)
+    best, richer, richer_state = np.minimum(plain, corrected), model, state
+    for _ in range(LEVELS):
+        richer = enriched(full, richer, change * np.abs(richer_state).max(axis=1))
+        richly = richer.prepare("lifted_exact")
+        richer_state = richly.new_state()
+        richly.run(model.scene.velocity0(), richer_state)
+        known = _difference(model.coordinates(state), richer.coordinates(richer_state))
+        start, modes = richer_state[:, 0], own_modes(richer)
+        change = corrections(full, richer, modes)
+        bound = Bound.of(full, richer, start, modes, change)
+        (beyond,) = _over_time(full, richer, start, [bound], known.max())
+        best = np.minimum(best, known + beyond)
+        if best.max() <= SHARP * known.max():
+            break
     return best + full.missed, plain + full.missed
 
 
