@@ -2,7 +2,7 @@
 
 Snapshots decide how good modes are, and nothing else: whatever the modes, the model is a Galerkin
 projection of the lifted full model, its energy does not grow by itself, and the bound of
-`certificate` holds. So snapshots that are too few, too early, noisy or linearly dependent make the
+`error_bound` holds. So snapshots that are too few, too early, noisy or linearly dependent make the
 error larger and the bound with it, and only those that are no snapshots at all, because a value is
 not finite, a density not positive or nothing moves, are refused.
 """
@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from sphpod import certificate, lifted, lifted_rom, pod, sph
+from sphpod import error_bound, lifted, lifted_rom, pod, sph
 from sphpod.error import FIELDS, blocks
 from sphpod.rom import ReducedModel
 from sphpod.scene import Scene
@@ -226,7 +226,7 @@ def judge(
 
     error = energy_norms(scene, difference)
     size = energy_norms(scene, lambda part: (full["velocity"][part], full["strain"][part])).max()
-    bound, _ = certificate.error_bounds(prepared, state)
+    bound, _ = error_bound.error_bounds(prepared, state)
     holds = np.all(error <= bound + ROUNDING * size)
     return rank, error.max() / size, bound.max() / size, OUTCOMES[bool(holds)]
 
