@@ -454,13 +454,15 @@ def _resolved_sampling(
     settings = scene["samplings"][sampling]
     key = f"samplings.{sampling}"
     step, duration = physics.time_step, physics.duration
+    latest = duration * (1 + 1e-9)  # for times that are the last one but for rounding
     if "range" in settings:
         start, end = settings["range"]
-        if not start < end <= duration:
+        if not start < end <= latest:
             raise _refusal(
                 name, f"{key}.range", [start, end], f"it must rise and end within T = {duration:g}"
             )
-        available = math.floor(end / step + 1e-6) - math.ceil(start / step - 1e-6)
+        first, last = (scenes.whole_steps(time, step) for time in (start, end))
+        available = math.floor(last) - math.ceil(first)
         # Evenly spaced times may also round to the range's end, random ones never do.
         if settings["count"] > available + ("seed" not in settings):
             raise _refusal(
@@ -472,7 +474,7 @@ def _resolved_sampling(
     else:
         for which in ("velocity_times", "density_times"):
             last = max(settings[which])
-            if last > duration:
+            if last > latest:
                 raise _refusal(
                     name, f"{key}.{which}", last, f"it must lie within 0 and T = {duration:g}"
                 )

@@ -161,12 +161,12 @@ def _growth(waves, horizon):
     count = round(horizon / scene.time_step)
     steps = np.unique(np.linspace(0, count, OUTPUTS + 1).round().astype(int))
     broken = np.flatnonzero(~(waves.smallest_jacobian(steps) > 0))
-    predicted_time = steps[broken[0]] * scene.time_step if broken.size else np.nan
+    predicted_time = scene.times(steps)[broken[0]] if broken.size else np.nan
     fields = np.empty((2, steps.size, scene.particle_count))
     failed = sph.prepare(scene, steps)(*fields)
     measured, measured_time = np.nan, np.nan
     if failed >= 0:
-        measured_time = steps[failed // scene.particle_count] * scene.time_step
+        measured_time = scene.times(steps)[failed // scene.particle_count]
     else:
         ends = energy.total(scene, fields[0, [0, -1]], lifted.strain(scene, fields[1, [0, -1]]))
         measured = ends[1] / ends[0]

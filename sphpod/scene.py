@@ -1,6 +1,7 @@
 """What is simulated: domain, initial state, material, damping, force, and discretisation."""
 
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -87,7 +88,10 @@ class Scene:
         ValueError
             An expression is not one, or uses an unknown name.
         """
-        constants = {"L": float(settings["domain_length"]), "T": float(settings["duration"])}
+        step = float(settings["time_step"])
+        duration = whole_time(float(settings["duration"]), step)
+        interval = whole_time(float(settings.get("error_interval", duration / 10000)), step)
+        constants = {"L": float(settings["domain_length"]), "T": duration}
 
         def expression(key, text, variable):
             try:
@@ -106,11 +110,11 @@ class Scene:
         return cls(
             name=name,
             domain_length=float(settings["domain_length"]),
-            duration=float(settings["duration"]),
+            duration=duration,
             particle_count=settings["particle_count"],
             smoothing_ratio=float(settings["smoothing_ratio"]),
-            time_step=float(settings["time_step"]),
-            error_interval=float(settings.get("error_interval", settings["duration"] / 10000)),
+            time_step=step,
+            error_interval=interval,
             interface=settings.get("interface"),
             initial_velocity=profile("initial_velocity"),
             initial_density=profile("initial_density"),
@@ -180,7 +184,11 @@ class Scene:
     @property
     def error_times(self) -> np.ndarray:
         """Times of the error integral [s], shape (samples,)."""
-        return self.error_steps * self.time_step
+        return self.times(self.error_steps)
+
+    def times(self, steps: np.ndarray, parts: int = 1) -> np.ndarray:
+        """Times [s] after numbers of time steps, or of so many parts of one, as `step_times`."""
+        return step_times(self.time_step, steps, parts)
 
     def velocity0(self) -> np.ndarray:
         """Initial velocity of the particles [m/s], shape (N,)."""
@@ -235,6 +243,50 @@ class Scene:
         return (derivative_matrix(self) @ fields.T).T
 
 
+def step_times(time_step: float, steps: np.ndarray, parts: int = 1) -> np.ndarray:
+    """Times n Δt/parts [s], each the double nearest to it, so that 0.3 is 0.3 after any steps.
+
+    Δt is the number that its double stands for: the fraction of a small denominator that the double
+    is but for rounding, such as 3/10 of 0.30000000000000004, or its shortest decimal.
+
+    Parameters
+    ----------
+    time_step : float
+        Δt [s].
+    steps : int array
+        Numbers n of time steps, or of so many parts of one.
+    parts : int
+    """
+    decimal = Fraction(repr(float(time_step)))
+    simple = decimal.limit_denominator(10**6)
+    exact = simple if abs(simple - decimal) <= decimal * Fraction(1, 2**51) else decimal
+    top, bottom = (exact / parts).as_integer_ratio()
+    steps = np.asarray(steps, np.int64)
+    if max(int(steps.max(initial=0)) * top, bottom) < 2**53:
+        # Both are exact in double precision, so that only the quotient is rounded.
+        return steps * top / bottom
+    return np.array([n * top / bottom for n in steps.tolist()], float)
+
+
+def whole_steps(time: float, time_step: float) -> float:
+    """Number of time steps in a time, a whole one where it is whole to a part in 1e9."""
+    ratio = time / time_step
+    return round(ratio) if is_whole(time, time_step) else ratio
+
+
+def whole_time(time: float, time_step: float) -> float:
+    """The time [s] of a whole number of steps that a time is to a part in 1e9, else the time."""
+    if not is_whole(time, time_step):
+        return time
+    return float(step_times(time_step, np.array([round(time / time_step)]))[0])
+
+
+def is_whole(time: float, time_step: float) -> bool:
+    """Whether a time is a whole number of steps, at least one, to a part in 1e9."""
+    ratio = time / time_step if time_step > 0 else 0.0
+    return np.isfinite(ratio) and abs(ratio - max(1, round(ratio))) <= 1e-9 * ratio
+
+
 def derivative_matrix(scene: Scene):
     """The SPH derivative G [1/m], a scipy.sparse matrix (N, N), V_i G_ij antisymmetric."""
     from scipy.sparse import csr_array
@@ -278,11 +330,11 @@ def check_setting(scene: Scene) -> None:
     if count < 5:
         refuse("particle_count", count, "at least 5 particles are needed")
     for key, value in (("duration", scene.duration), ("error_interval", scene.error_interval)):
-        if not _is_multiple(value, scene.time_step):
+        if not is_whole(value, scene.time_step):
             refuse(
                 key, f"{value:g}", f"it must be a whole number of time steps of {scene.time_step:g}"
             )
-    if not _is_multiple(scene.duration, scene.error_interval):
+    if scene.step_count % scene.error_stride:
         refuse(
             "error_interval",
             f"{scene.error_interval:g}",
@@ -337,11 +389,6 @@ def check_setting(scene: Scene) -> None:
         _check_values(scene, "force", scene.force_time(t=times), times, refuse, "t")
         if scene.force_profile is not None:
             _check_values(scene, "force.profile", scene.force_profile(x=fine), fine, refuse)
-
-
-def _is_multiple(value, step):
-    ratio = value / step
-    return round(ratio) >= 1 and abs(ratio - round(ratio)) <= 1e-9 * ratio
 
 
 def _check_values(scene, key, values, points, refuse, variable="x"):
