@@ -156,7 +156,7 @@ VARIABLES = _fields() | {
     "certified": Variable((), "1", "1 where the bound is within the tolerance, else 0", np.int8),
     "contender": Variable(("contender",), "", "model compared", str),
     "n_freeze": Variable(
-        ("contender",), "1", "steps for which coefficients stay frozen, 0 for none", np.int32
+        ("contender",), "1", "steps for which coefficients stay frozen, 0 for none", np.int64
     ),
     "contender_mode_count": Variable(
         ("contender",), "1", "modes kept for velocity and density, 0 for a full model", np.int32
@@ -370,7 +370,7 @@ def write(
     KeyError
         For a name that is not in `VARIABLES`.
     ValueError
-        For an array whose shape contradicts its dimensions.
+        For an array whose shape contradicts its dimensions, or a value that its type cannot hold.
     """
     sizes: dict[str, int] = {}
     for name, values in arrays.items():
@@ -384,6 +384,12 @@ def write(
             sizes.setdefault(dim, size) != size for dim, size in zip(dims, shape, strict=True)
         ):
             raise ValueError(f"{name} of shape {shape} does not fit {dims} with sizes {sizes}")
+        dtype = VARIABLES[name].dtype
+        if issubclass(dtype, np.integer):
+            with np.errstate(invalid="ignore"):
+                changed = np.asarray(values)[np.asarray(values).astype(dtype) != values]
+            if changed.size:
+                raise ValueError(f"{name} = {changed[0]} does not fit the type {dtype.__name__}")
     with whole(path) as partial, netCDF4.Dataset(partial, "w", format="NETCDF4") as file:
         file.setncatts(
             {

@@ -46,7 +46,7 @@ def freeze_steps(method: str) -> int:
     """
     if method in ("original", "linearized"):
         return 0
-    match = re.fullmatch(r"frozen([1-9]\d*)", method)
+    match = re.fullmatch(r"frozen([1-9]\d{0,14})", method)
     if match is None:
         raise ValueError(
             f"method = {method}: allowed are original, linearized and frozen1, frozen2, …"

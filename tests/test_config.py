@@ -191,6 +191,18 @@ def test_later_files_win(load):
     assert resolved["scenes"]["wave"]["particle_count"] == 20
 
 
+def test_times_touched_by_rounding_lie_within_the_duration(load):
+    late = 0.1 + 0.2
+    times = {"velocity_times": [0, late], "density_times": [late]}
+    samplings = {"ends": {"range": [0, late], "count": 150}, "last": times}
+    for duration in (0.3, late):
+        scene = load(wave({"duration": duration, "samplings": samplings}))["scenes"]["wave"]
+        assert scene["samplings"]["ends"]["count"] == 150
+    with pytest.raises(config.ConfigError, match=r"velocity_times = 0\.3001: it must lie within"):
+        samplings["last"]["velocity_times"] = [0.3001]
+        load(wave({"duration": 0.3, "samplings": samplings}))
+
+
 def test_overrides_win_over_files(tmp_path):
     path = tmp_path / "wave.yaml"
     path.write_text(yaml.safe_dump(wave() | {"output": "a"}))
@@ -287,6 +299,11 @@ REFUSALS = [
     ({"references": []}, ["references = []", "at least 1"]),
     ({"references": ["fd", "fd"]}, ["references = [fd, fd]", "twice"]),
     ({"references": ["analytic"]}, ["references.0 = analytic", "fd, centred, exact, modified"]),
+    (
+        {"acceleration.few": STUDY | {"n_freeze": [1e18]}},
+        ["acceleration.few.n_freeze.0 = 1.0e+18", "at most 999999999999999"],
+    ),
+    ({"samplings.uniform10.seed": 1e20}, ["samplings.uniform10.seed = 1.0e+20", "at most"]),
     # what the numbers mean together
     ({"duration": 1.001}, ["duration = 1.001", "whole number"]),
     ({"error_interval": 0.003}, ["error_interval = 0.003", "whole number"]),

@@ -381,7 +381,7 @@ def known_edge_scene(wildcards):
 def known_reduced_model(wildcards):
     known_sampling(wildcards)
     if not re.fullmatch(
-        r"original|linearized|frozen[1-9]\d*|lifted_(euler|exact)", wildcards.method
+        r"original|linearized|frozen[1-9]\d{0,14}|lifted_(euler|exact)", wildcards.method
     ):
         allowed = "original, linearized, frozen1, frozen2, …, lifted_euler, lifted_exact"
         stop(f"scene {wildcards.scene}: method = {wildcards.method}: allowed are {allowed}")
