@@ -459,6 +459,12 @@ def settings(path: str | os.PathLike[str]) -> dict[str, Any]:
         return json.loads(file.getncattr("settings"))
 
 
+def place(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """The scene that a file is of, or the scene and the sampling."""
+    of = settings(path)
+    return (of["scene"], of["sampling"]["name"]) if "sampling" in of else (of["scene"],)
+
+
 def write_table(path: str | os.PathLike[str], table: "pandas.DataFrame") -> None:
     """Write a table, without its index, as comma-separated values; whole or not at all."""
     with whole(path) as partial:

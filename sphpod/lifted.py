@@ -228,6 +228,8 @@ def _fixed_step(scene, integrator, dt, begin):
 
 def _kicks(scene, integrator, dt, steps):
     """Force of each step as `Scene.force_values`; leapfrog kicks in the middle of its steps."""
+    if scene.force_time is None:
+        return ABSENT, ABSENT
     halves = 2 * np.arange(steps) + (integrator == "leapfrog")
     return scene.force_values(step_times(dt, halves, 2))
 

@@ -186,7 +186,7 @@ class ReducedModel:
             decay = 1 - dt * float(d[0])
         elif d.size:
             damping = -dt * (modes * d) @ modes.T
-        amplitude, profile = scene.force_values(scene.times(np.arange(step_count)))
+        amplitude, profile = scene.force_of_steps(step_count)
         push = dt * modes @ profile if amplitude.size else ABSENT
         return decay, damping, amplitude, push
 

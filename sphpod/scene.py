@@ -230,6 +230,12 @@ class Scene:
         shape = np.ones_like(x) if self.force_profile is None else self.force_profile(x=x)
         return self.force_time(t=times), shape
 
+    def force_of_steps(self, count: int, parts: int = 1, positions: np.ndarray | None = None):
+        """Force as from `force_values`, at the first ``count`` steps or so many parts of one."""
+        if self.force_time is None:
+            return ABSENT, ABSENT
+        return self.force_values(self.times(np.arange(count), parts), positions)
+
     def neighbour_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Neighbours of each particle and their weights, as `kernel.neighbour_lists` gives them."""
         return neighbour_lists(

@@ -95,7 +95,7 @@ def prepare(
     steps = np.ascontiguousarray(steps, np.int64)
     first_step = 0 if start is None else int(steps[0])
     velocity_now, density_now = start or (scene.velocity0(), scene.density0())
-    amplitude, profile = scene.force_values(scene.times(np.arange(steps[-1])))
+    amplitude, profile = scene.force_of_steps(steps[-1])
     density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
     dt = scene.time_step
     material = dt / density0, modulus, modulus * density0

@@ -194,13 +194,13 @@ def test_later_files_win(load):
 def test_times_touched_by_rounding_lie_within_the_duration(load):
     late = 0.1 + 0.2
     times = {"velocity_times": [0, late], "density_times": [late]}
-    samplings = {"ends": {"range": [0, late], "count": 150}, "last": times}
+    samplings: dict[str, Any] = {"ends": {"range": [0, late], "count": 150}, "last": times}
     for duration in (0.3, late):
         scene = load(wave({"duration": duration, "samplings": samplings}))["scenes"]["wave"]
         assert scene["samplings"]["ends"]["count"] == 150
-    with pytest.raises(config.ConfigError, match=r"velocity_times = 0\.3001: it must lie within"):
-        samplings["last"]["velocity_times"] = [0.3001]
-        load(wave({"duration": 0.3, "samplings": samplings}))
+    samplings["last"]["velocity_times"] = [0.3001]
+    message = refusal(load, wave({"duration": 0.3, "samplings": samplings}))
+    assert "velocity_times = 0.3001: it must lie within" in message
 
 
 def test_overrides_win_over_files(tmp_path):

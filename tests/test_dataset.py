@@ -127,7 +127,11 @@ def test_no_value_is_stored_in_a_type_that_cannot_hold_it(tmp_path):
     steps = np.array([0, 0, 10**11, 999_999_999_999_999])
     write(tmp_path / "a.nc", {"n_freeze": steps})
     assert dataset.read(tmp_path / "a.nc")["n_freeze"].tolist() == steps.tolist()
-    for name, value in {"mode_count": [2**31], "error_sample": [256], "best_mode_count": 1.5}.items():
+    for name, value in {
+        "mode_count": [2**31],
+        "error_sample": [256],
+        "best_mode_count": 1.5,
+    }.items():
         with pytest.raises(ValueError, match=f"{name} = .* does not fit the type int"):
             write(tmp_path / "b.nc", {name: np.array(value)})
     with pytest.raises(ValueError, match="mode_count = nan does not fit"):
