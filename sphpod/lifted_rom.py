@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from sphpod import lifted, propagator
-from sphpod.error import FIELDS, blocks
+from sphpod.error import FIELDS, blocks, share
 from sphpod.pod import checked
 from sphpod.pod import modes as proper_modes
 from sphpod.propagator import Jumps
@@ -77,7 +77,7 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
     ------
     ValueError
         There is no snapshot, a value is not finite, a density not positive or a strain not above
-        -1; or nothing moves, in the snapshots or by translation, so that there is no mode.
+        -1; or nothing moves in the snapshots, of a scene that moves from the start.
     """
 
     def given(name, above):
@@ -94,6 +94,9 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
     velocity_modes, velocity_values = _modes(velocity - shares @ rigid, np.linalg.norm(shares))
     strain_modes, strain_values = _modes(stiffness * strain)
     velocity_modes = np.concatenate([rigid, velocity_modes])
+    if not len(velocity_modes) and not np.any(scene.velocity0()):
+        # Any mode does for a scene at rest; this one does not strain evenly spaced particles.
+        velocity_modes, velocity_values = (mass / np.linalg.norm(mass))[None], np.zeros(1)
     if not len(velocity_modes):
         raise ValueError(
             f"scene {scene.name}: velocity_snapshots: all values are 0 and no translation takes "
@@ -504,4 +507,4 @@ def field_errors(
             values -= expected
             wrong[field] += np.vdot(values, values)
             right[field] += np.vdot(expected, expected)
-    return {field: float(np.sqrt(wrong[field] / right[field])) for field in FIELDS}
+    return {field: share(np.sqrt(wrong[field]), np.sqrt(right[field])) for field in FIELDS}

@@ -330,7 +330,8 @@ def growth(scenes: Mapping[Place, Arrays]) -> Figure:
 
     A row a scene. Left, how much energy each run has gained at its end; in the middle, where the
     longest run of a scene breaks down or should, the time at which it does. Hollow markers are
-    predicted, filled ones measured; beside them stands their relative difference. Right, how far
+    predicted, filled ones measured; beside them stands their relative difference. An energy that
+    does not grow stands on the left edge. Right, how far
     the energy that an integrator keeps moves. Values on the right edge are not finite, on the left
     edge zero.
 
@@ -344,7 +345,7 @@ def growth(scenes: Mapping[Place, Arrays]) -> Figure:
     Raises
     ------
     ValueError
-        There is no scene, an energy did not grow, or an integrator is of no known kind.
+        There is no scene, or an integrator is of no known kind.
     """
     _given(scenes, "growth")
     names = [_words(scene) for (scene,) in scenes]
@@ -383,7 +384,10 @@ def _draw_pair(axes: Axes, pair: np.ndarray, height: float, look: Look, label: s
     for value, kind, size in zip(pair, PAIR, (PREDICTED, MEASURED), strict=True):
         named = label if kind == "measured" else None
         axes.plot(value, height, label=named, **{**look, "linestyle": "", **size})
-    text = _percent(*pair) if np.isfinite(pair).all() else f"only {PAIR[int(np.isnan(pair[0]))]}"
+    if np.isnan(pair).any():
+        text = f"only {PAIR[int(np.isnan(pair[0]))]}"
+    else:
+        text = _percent(*pair) if pair.min() > axes.get_xlim()[0] else "none"
     _write_beside(axes, text, pair[np.isfinite(pair)], height)
 
 
@@ -395,12 +399,11 @@ def _draw_gains(axes: Axes, scenes: Mapping[Place, Arrays]) -> None:
     }
     whole = {name: np.isfinite(gain[1]) for name, gain in gains.items()}
     values = np.concatenate([gains[name][:, whole[name]].ravel() for name in scenes])
-    if np.any(values <= 0):
-        raise ValueError("a logarithmic axis of growth cannot show an energy that does not grow")
-    scale_log(axes.xaxis, values, room=0.12)
+    # A gain below the rounding of an energy is none.
+    scale_log(axes.xaxis, values[values > 1e-14], room=0.12)
     axes.set_xlabel("gain of energy, E(T)/E(0) − 1")
     axes.set_title("explicit Euler", loc="left")
-    middle = np.sqrt(np.prod(axes.get_xlim()))
+    low, middle = axes.get_xlim()[0], np.sqrt(np.prod(axes.get_xlim()))
     labelled: set[float] = set()
     for row, (name, scene) in enumerate(scenes.items()):
         for run, horizon in enumerate(scene["horizon"]):
@@ -413,7 +416,7 @@ def _draw_gains(axes: Axes, scenes: Mapping[Place, Arrays]) -> None:
             look = HORIZON_LOOKS[place % len(HORIZON_LOOKS)]
             label = None if horizon in labelled else f"T = {horizon:g} s"
             labelled.add(horizon)
-            _draw_pair(axes, gains[name][:, run], height, look, label)
+            _draw_pair(axes, np.maximum(gains[name][:, run], low), height, look, label)
 
 
 def _draw_breakdowns(axes: Axes, breaks: Mapping[Place, np.ndarray], longest: float) -> None:
@@ -705,12 +708,12 @@ def _draw_smoothing_errors(
     broken = False
     for (name,), scene in scenes.items():
         values = scene[f"smoothing_{field}_error"]
-        finite = values <= WORST_ERROR
-        axes.plot(scene["smoothing_ratio"], np.where(finite, values, np.nan),
+        bad = values > WORST_ERROR
+        axes.plot(scene["smoothing_ratio"], np.where(bad, np.nan, values),
                   label=_words(name), **{**looks[name], "markersize": 2.5})  # fmt: skip
-        mark_breakdown(axes, scene["smoothing_ratio"][~finite], looks[name])
-        drawn.append(values[finite])
-        broken |= not finite.all()
+        mark_breakdown(axes, scene["smoothing_ratio"][bad], looks[name])
+        drawn.append(values[values <= WORST_ERROR])
+        broken |= bool(bad.any())
     scale_log(axes.yaxis, np.concatenate(drawn))
     axes.set_ylabel(f"relative L² error of {field}")
     return broken
@@ -894,12 +897,12 @@ def _draw_noise(axes: Axes, snapshots: Arrays) -> bool:
     broken = False
     for name, (label, look) in NOISE_CURVES.items():
         values = snapshots[name]
-        finite = values <= WORST_ERROR
+        bad = values > WORST_ERROR
         look = {"linewidth": 0.8, **look}
-        axes.plot(snapshots["noise"], np.where(finite, values, np.nan), label=label, **look)
-        mark_breakdown(axes, snapshots["noise"][~finite], look)
-        drawn.append(values[finite])
-        broken |= not finite.all()
+        axes.plot(snapshots["noise"], np.where(bad, np.nan, values), label=label, **look)
+        mark_breakdown(axes, snapshots["noise"][bad], look)
+        drawn.append(values[values <= WORST_ERROR])
+        broken |= bool(bad.any())
     scale_log(axes.xaxis, snapshots["noise"])
     scale_log(axes.yaxis, np.concatenate(drawn))
     axes.set(xlabel="relative noise of the snapshots", ylabel="relative error, and its bound")

@@ -242,7 +242,7 @@ def broken_noise() -> Figure:
 
 def broken_smoothing() -> Figure:
     scenes = smoothed()
-    scenes["damped",]["smoothing_velocity_error"][-2:] = np.nan, np.inf
+    scenes["damped",]["smoothing_velocity_error"][-2:] = 1e4, np.inf
     return stability_plots.smoothing(scenes)
 
 
@@ -449,13 +449,29 @@ def test_growth_refuses_what_it_cannot_show() -> None:
     with pytest.raises(ValueError, match="at least one scene"):
         stability_plots.growth({})
     scenes = grown()
-    scenes["gaussian",]["measured_energy_growth"][0] = 0.999
-    with pytest.raises(ValueError, match="energy that does not grow"):
-        stability_plots.growth(scenes)
-    scenes = grown()
     scenes["gaussian",]["conserving"] = np.array(["verlet", "leapfrog", "exact"])
     with pytest.raises(ValueError, match="energies kept by verlet"):
         stability_plots.growth(scenes)
+
+
+def test_energies_that_do_not_grow_stand_on_the_left_edge_and_leave_the_scale_alone() -> None:
+    scenes = grown()
+    usual = stability_plots.growth(scenes).axes[0]
+    still: Arrays = {**scenes["two_moduli",], **{
+        f"{kind}_energy_growth": np.full(2, 1 + gain) for kind, gain in
+        (("predicted", 0.0), ("measured", -2e-16))}}  # fmt: skip
+    figure = stability_plots.growth({**scenes, ("still",): still})
+    check_layout(figure)
+    gains = figure.axes[0]
+    assert gains.get_xlim() == pytest.approx(usual.get_xlim())
+    last = len(scenes) - 0.5
+    ends = [
+        x for line in gains.lines for x, y in zip(x_of(line), y_of(line), strict=True) if y > last
+    ]
+    assert set(ends) == {gains.get_xlim()[0]}
+    assert texts(gains).count("none") == 2
+    alone = stability_plots.growth({("still",): still})
+    check_layout(alone)
 
 
 # --- Operators ------------------------------------------------------------------------------------
