@@ -38,24 +38,6 @@ METHODS = ("lifted_euler", "lifted_exact")
 ILL_CONDITIONED = 1e6
 """Condition number of eigenvectors from which a model is carried as one block."""
 
-MOMENTUM = 1e-12
-"""Part of Σ m |v0| from which the total momentum Σ m v0 is not taken for rounding."""
-
-
-def translates(scene: Scene) -> bool:
-    """Whether translation takes part: there is momentum, a force, or a damping that varies.
-
-    Only evenly spaced particles can be translated without being strained.
-    """
-    if not scene.is_even:
-        # Σ_j V_j ∇W_ij is then not zero: translation strains, and is a mode like any other.
-        return False
-    damping = scene.damping_values()
-    if scene.force_time is not None or (damping.size and damping.min() < damping.max()):
-        return True
-    momentum = scene.density0() * scene.velocity0()
-    return bool(abs(momentum.sum()) > MOMENTUM * np.abs(momentum).sum())
-
 
 def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Energy-orthonormal modes of velocity and strain snapshots.
@@ -89,7 +71,7 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
         strain = given("strain_snapshots", -1)
     else:
         strain = lifted.strain(scene, given("density_snapshots", 0))
-    rigid = (mass / np.linalg.norm(mass))[None] if translates(scene) else np.zeros((0, mass.size))
+    rigid = (mass / np.linalg.norm(mass))[None] if scene.translates else np.zeros((0, mass.size))
     shares = velocity @ rigid.T
     velocity_modes, velocity_values = _modes(velocity - shares @ rigid, np.linalg.norm(shares))
     strain_modes, strain_values = _modes(stiffness * strain)

@@ -30,6 +30,12 @@ PHYSICS_KEYS = (
 GROWTH_LIMIT = 1e6
 """Largest growth of the fastest wave over T with which a run is worth starting."""
 
+MOVING = (1e-140, 1e140)
+"""Sizes in SI units of what moves a scene, so that sums of squares neither overflow nor vanish."""
+
+MOMENTUM = 1e-12
+"""Part of Σ m |v0| from which the total momentum Σ m v0 is not taken for rounding."""
+
 ABSENT = np.zeros(0)
 """Stands for a damping or force that a scene does not have."""
 
@@ -157,6 +163,21 @@ class Scene:
     def is_conservative(self) -> bool:
         """Whether nothing damps or pushes the waves, so that they keep their energy."""
         return self.force_time is None and not self.damping_values().size
+
+    @property
+    def translates(self) -> bool:
+        """Whether translation takes part: there is momentum, a force, or a damping that varies.
+
+        Only evenly spaced particles can be translated without being strained: of others translation
+        is a motion like any other, as Σ_j V_j ∇W_ij is not zero.
+        """
+        if not self.is_even:
+            return False
+        damping = self.damping_values()
+        if self.force_time is not None or (damping.size and damping.min() < damping.max()):
+            return True
+        momentum = self.density0() * self.velocity0()
+        return bool(abs(momentum.sum()) > MOMENTUM * np.abs(momentum).sum())
 
     @property
     def volumes(self) -> np.ndarray:
@@ -369,7 +390,9 @@ def check_setting(scene: Scene) -> None:
             f"at most {count / 4:g} is possible",
         )
     fine = np.arange(8 * count) * (scene.spacing / 8)
-    _check_values(scene, "initial_velocity", scene.initial_velocity(x=fine), fine, refuse)
+    velocity = scene.initial_velocity(x=fine)
+    _check_values(scene, "initial_velocity", velocity, fine, refuse)
+    _check_moving("initial_velocity", scene.initial_velocity.text, velocity, refuse)
     for key in ("initial_density", "youngs_modulus"):
         values = getattr(scene, key)(x=fine)
         _check_values(scene, key, values, fine, refuse)
@@ -392,9 +415,25 @@ def check_setting(scene: Scene) -> None:
             )
     if scene.force_time is not None:
         times = scene.error_times
-        _check_values(scene, "force", scene.force_time(t=times), times, refuse, "t")
+        force = scene.force_time(t=times)
+        _check_values(scene, "force", force, times, refuse, "t")
+        _check_moving("force", scene.force_time.text, force, refuse)
         if scene.force_profile is not None:
-            _check_values(scene, "force.profile", scene.force_profile(x=fine), fine, refuse)
+            profile = scene.force_profile(x=fine)
+            _check_values(scene, "force.profile", profile, fine, refuse)
+            _check_moving("force.profile", scene.force_profile.text, profile, refuse)
+
+
+def _check_moving(key, text, values, refuse):
+    largest = np.abs(values).max()
+    low, high = MOVING
+    if largest and not low <= largest <= high:
+        refuse(
+            key,
+            text,
+            f"its largest size is {largest:g}, which must be 0 or from {low:g} to {high:g}, or its "
+            "square is beyond double precision",
+        )
 
 
 def _check_values(scene, key, values, points, refuse, variable="x"):

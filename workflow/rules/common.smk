@@ -412,7 +412,7 @@ def known_reduced_model(wildcards):
         allowed = "original, linearized, frozen1, frozen2, …, lifted_euler, lifted_exact"
         stop(f"scene {wildcards.scene}: method = {wildcards.method}: allowed are {allowed}")
     try:
-        check_modes(CONFIG, wildcards.scene, wildcards.sampling, wildcards.modes)
+        check_modes(CONFIG, wildcards.scene, wildcards.sampling, wildcards.modes, wildcards.method)
     except ConfigError as error:
         stop(error)
     return []
