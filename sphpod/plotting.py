@@ -475,9 +475,9 @@ def scale_log(
     low, high = low / margin, high * margin
     few = high / low < few_below
     if axis.axis_name == "x":
-        axis.axes.set(xscale="log", xlim=(low, high))
+        axis.axes.set(xlim=(low, high), xscale="log")
     else:
-        axis.axes.set(yscale="log", ylim=(low, high))
+        axis.axes.set(ylim=(low, high), yscale="log")
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,), numticks=9))
     axis.set_major_formatter(FuncFormatter(lambda value, _: _tick(value, few)))
     axis.set_minor_formatter(NullFormatter())
