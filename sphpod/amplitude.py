@@ -236,7 +236,7 @@ def _run_sph(scene, steps, sampling):
         jacobian = np.nanmin(scene.density0() / density[: whole + 1])
     at = np.searchsorted(steps, scene.error_steps)
     own = {field: values[at[at < whole]] for field, values in kept.items()}
-    time = np.nan if failed < 0 else steps[whole] * scene.time_step
+    time = np.nan if failed < 0 else scene.times(steps)[whole]
     return Solution(own, time), taken, jacobian
 
 

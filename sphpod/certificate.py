@@ -9,10 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from sphpod import lifted, lifted_rom
-from sphpod.error import blocks
+from sphpod.error import blocks, share
 from sphpod.error_bound import FullModel, error_bounds
 from sphpod.scene import Scene
 from sphpod.stability import Breakdown
+
 
 def certify(
     scene: Scene,
@@ -82,14 +83,14 @@ def certify(
         a, b = model.coordinates(state)
         squares = velocity.squares(a), strain.squares(b)
         for name, seen, square in zip(names, (velocity, strain), squares, strict=False):
-            arrays[name][n] = np.sqrt(square.sum() / seen.total.sum())
+            arrays[name][n] = share(np.sqrt(square.sum()), np.sqrt(seen.total.sum()))
         error = np.sqrt(squares[0] + squares[1])
         bound, plain = error_bounds(prepared, state, operators)
-        arrays["energy_error_lifted"][n] = error.max() / norms.max()
-        arrays["energy_error_bound"][n] = bound.max() / norms.max()
-        arrays["residual_bound"][n] = plain.max() / norms.max()
+        arrays["energy_error_lifted"][n] = share(error.max(), norms.max())
+        arrays["energy_error_bound"][n] = share(bound.max(), norms.max())
+        arrays["residual_bound"][n] = share(plain.max(), norms.max())
         arrays["difference_from_best"][n] = best.difference(a, b)
-        arrays["bound_slack"][n] = (bound - error).min() / norms.max()
+        arrays["bound_slack"][n] = share((bound - error).min(), norms.max())
         if len(counts) == 1:
             arrays |= prepared.stored(state) | {"error_bound": bound}
     return arrays
@@ -134,14 +135,14 @@ def choose(
         if difference <= tolerance:
             break
     bound, plain = error_bounds(prepared, state)
-    relative = bound.max() / best.norm
+    relative = share(bound.max(), best.norm)
     return {
         "tolerance": np.array(tolerance),
         "mode_count": np.array([count]),
         "best_mode_count": np.array(best.count),
         "difference_from_best": np.array([difference]),
         "energy_error_bound": np.array([relative]),
-        "residual_bound": np.array([plain.max() / best.norm]),
+        "residual_bound": np.array([share(plain.max(), best.norm)]),
         "certified": np.array(int(relative <= tolerance)),
         **prepared.stored(state),
         "error_bound": bound,
@@ -195,7 +196,7 @@ class Best:
             rest = mine.copy()
             rest[:, : theirs.shape[1]] -= theirs
             squares += np.einsum("tm,tm->t", rest, rest)
-        return float(np.sqrt(squares.max()) / self.norm)
+        return share(np.sqrt(squares.max()), self.norm)
 
 
 @dataclass(frozen=True)

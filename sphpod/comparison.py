@@ -24,8 +24,12 @@ def ratios(sweep: Arrays, errors: Arrays) -> np.ndarray:
         velocity_error, density_error (solution, reference); those of full SPH against the first
         reference are the first.
     """
+    # No error is below one of zero, and none is a part of it.
     return np.maximum(
-        *(sweep[f"{field}_error_sph"] / errors[f"{field}_error"][0, 0] for field in FIELDS)
+        *(
+            sweep[f"{field}_error_sph"] / (errors[f"{field}_error"][0, 0] or np.nan)
+            for field in FIELDS
+        )
     )
 
 
@@ -48,6 +52,8 @@ def _first(sweep, chosen):
 def effectivities(place: Mapping[str, Any], sweep: Arrays) -> Iterator[dict[str, Any]]:
     """How far the bounds of a sweep of ``lifted_exact`` are above its errors, a row a mode count.
 
+    An effectivity is NaN where there is no error.
+
     Parameters
     ----------
     place : dict
@@ -60,14 +66,15 @@ def effectivities(place: Mapping[str, Any], sweep: Arrays) -> Iterator[dict[str,
             float(sweep[name][n])
             for name in ("energy_error_lifted", "energy_error_bound", "residual_bound")
         )
+        size = error or np.nan
         yield {
             **place,
             "modes": int(count),
             "energy_error_lifted": error,
             "energy_error_bound": bound,
-            "effectivity": bound / error,
+            "effectivity": bound / size,
             "residual_bound": plain,
-            "residual_effectivity": plain / error,
+            "residual_effectivity": plain / size,
             "bound_slack": float(sweep["bound_slack"][n]),
         }
 
@@ -99,5 +106,8 @@ def certificates(
         else:
             certified = bounds[meets[0]] <= tolerance
             yield row(tolerance, meets[0], "certified" if certified else "not certified")
-    smallest = int(np.argmin(bounds))
-    yield row(float(bounds[smallest]), smallest, "smallest tolerance certified")
+    if np.isnan(bounds).all():
+        yield {**place, "verdict": "no tolerance certified"}
+    else:
+        smallest = int(np.nanargmin(bounds))
+        yield row(float(bounds[smallest]), smallest, "smallest tolerance certified")

@@ -149,8 +149,10 @@ def parse_tolerance(text: str) -> float:
     raise ValueError("it must be a number above 0 and below 1, such as 1e-2 or 0.05")
 
 
-def check_modes(config: Mapping[str, Any], scene: str, sampling: str, modes: str) -> None:
-    """Check mode counts that are asked for, such as ``12`` or ``1-20``.
+def check_modes(
+    config: Mapping[str, Any], scene: str, sampling: str, modes: str, method: str = "original"
+) -> None:
+    """Check mode counts that are asked for of a method, such as ``12`` or ``1-20``.
 
     Raises
     ------
@@ -163,7 +165,8 @@ def check_modes(config: Mapping[str, Any], scene: str, sampling: str, modes: str
     settings = config["scenes"][scene]
     if sampling not in settings["samplings"]:
         raise _refusal(scene, "sampling", sampling, _known("sampling", settings["samplings"]))
-    _check_modes(scene, sampling, settings, "modes", modes)
+    split = method.startswith("lifted") and _physics(scene, config["scenes"]).translates
+    _check_modes(scene, sampling, settings, "modes", modes, int(split))
 
 
 def mode_limit(scene: Mapping[str, Any], sampling: str) -> int:
@@ -454,13 +457,15 @@ def _resolved_sampling(
     settings = scene["samplings"][sampling]
     key = f"samplings.{sampling}"
     step, duration = physics.time_step, physics.duration
+    latest = duration * (1 + 1e-9)  # for times that are the last one but for rounding
     if "range" in settings:
         start, end = settings["range"]
-        if not start < end <= duration:
+        if not start < end <= latest:
             raise _refusal(
                 name, f"{key}.range", [start, end], f"it must rise and end within T = {duration:g}"
             )
-        available = math.floor(end / step + 1e-6) - math.ceil(start / step - 1e-6)
+        first, last = (scenes.whole_steps(time, step) for time in (start, end))
+        available = math.floor(last) - math.ceil(first)
         # Evenly spaced times may also round to the range's end, random ones never do.
         if settings["count"] > available + ("seed" not in settings):
             raise _refusal(
@@ -472,7 +477,7 @@ def _resolved_sampling(
     else:
         for which in ("velocity_times", "density_times"):
             last = max(settings[which])
-            if last > duration:
+            if last > latest:
                 raise _refusal(
                     name, f"{key}.{which}", last, f"it must lie within 0 and T = {duration:g}"
                 )
@@ -493,12 +498,15 @@ def _resolved_sampling(
     return {**settings, "mode_counts": modes}
 
 
-def _check_modes(name: str, sampling: str, scene: Any, key: str, modes: str) -> None:
+def _check_modes(
+    name: str, sampling: str, scene: Any, key: str, modes: str, translation: int = 0
+) -> None:
+    """Refuse more modes than there are snapshots, but for one of translation."""
     try:
         most = max(parse_modes(modes))
     except ValueError as error:
         raise _refusal(name, key, modes, f"{error} (sampling {sampling})") from None
-    limit = mode_limit(scene, sampling)
+    limit = min(mode_limit(scene, sampling) + translation, scene["particle_count"])
     if most > limit:
         raise _refusal(
             name,
@@ -594,7 +602,7 @@ def _check_benchmark(config: dict[str, Any]) -> None:
 def _resolved_stability(settings: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
     """Check what is asked of stability; studies are of the first sampled scene if none is named."""
     first = {name: next(iter(s["samplings"])) for name, s in known.items() if s["samplings"]}
-    struck = {n: s for n, s in first.items() if np.any(_physics(n, known).velocity0())}
+    struck = {n: s for n, s in first.items() if _strains(_physics(n, known))}
     usual = dict(list(first.items())[:1])
     stability: dict[str, Any] = {
         **DEFAULT_STABILITY,
@@ -610,10 +618,9 @@ def _resolved_stability(settings: dict[str, Any], known: dict[str, Any]) -> dict
             if sampling not in known[name]["samplings"]:
                 allowed = _known("sampling", known[name]["samplings"])
                 raise _refusal(None, f"{key}.{name}", sampling, allowed)
-            if study == "amplitude" and not np.any(_physics(name, known).velocity0()):
-                raise _refusal(
-                    None, key, name, "it must be a scene with an initial velocity, which is scaled"
-                )
+            if study == "amplitude" and not _strains(_physics(name, known)):
+                allowed = "it must be a scene with an initial velocity that strains it when scaled"
+                raise _refusal(None, key, name, allowed)
     for ratio in stability["smoothing_ratios"]:
         for name, scene in known.items():
             if 2 * neighbour_count(ratio) + 1 > scene["particle_count"]:
@@ -635,6 +642,14 @@ def _physics(name: str, known: Mapping[str, Any]) -> scenes.Scene:
     return scenes.Scene.from_settings(name, known[name])
 
 
+def _strains(scene: scenes.Scene) -> bool:
+    """Whether the initial velocity, scaled by up to 1e12, can fold the line."""
+    velocity, damping = scene.velocity0(), scene.damping_values()
+    slowed_apart = damping.size and damping.min() < damping.max() and np.any(velocity)
+    reach = 1e12 * scene.duration * np.abs(scene.derivative(velocity)).max()
+    return bool(slowed_apart or reach > 1)
+
+
 def _check_runs(stability: Mapping[str, Any], known: Mapping[str, Any]) -> None:
     """Check the runs that show a model that grows, and that 1.04 is among the smoothing ratios."""
     for study in ("random_run", "long_run"):
@@ -652,6 +667,9 @@ def _check_runs(stability: Mapping[str, Any], known: Mapping[str, Any]) -> None:
         scene = _physics(run["scene"], known)
         if not scene.is_conservative:
             allowed = "it must be a scene without damping and force"
+            raise _refusal(None, f"stability.{study}.scene", run["scene"], allowed)
+        if study == "long_run" and not np.any(scene.velocity0()):
+            allowed = "it must be a scene with an initial velocity"
             raise _refusal(None, f"stability.{study}.scene", run["scene"], allowed)
         if study == "random_run" and not np.ptp(scene.density0()) + np.ptp(scene.modulus()):
             allowed = "its density or modulus must vary, or no model of random modes grows"

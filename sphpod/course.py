@@ -46,9 +46,9 @@ PLACES = np.cos(np.pi * (np.arange(NODES)[::-1] + 0.5) / NODES)
 _TO_COEFFICIENTS = chebyshev.chebvander(PLACES, NODES - 1) * (2 / NODES)
 _TO_COEFFICIENTS[:, 0] /= 2
 # Mean of |ℓ| over [-1, 1] of each Lagrange polynomial of the places: what rounding there does.
-_INFLUENCES = np.abs(
-    chebyshev.chebval(np.linspace(-1, 1, 1001), _TO_COEFFICIENTS.T)
-).mean(axis=1) * 1.01
+_INFLUENCES = (
+    np.abs(chebyshev.chebval(np.linspace(-1, 1, 1001), _TO_COEFFICIENTS.T)).mean(axis=1) * 1.01
+)
 _SEEN = (1 + np.cos(np.pi * (np.arange(3) + 0.5) / 3)) / 2
 _TO_POINTS = chebyshev.chebvander(POINTS, NODES - 1).T
 

@@ -164,7 +164,7 @@ VARIABLES = _fields() | {
     "certified": Variable((), "1", "1 where the bound is within the tolerance, else 0", np.int8),
     "contender": Variable(("contender",), "", "model compared", str),
     "n_freeze": Variable(
-        ("contender",), "1", "steps for which coefficients stay frozen, 0 for none", np.int32
+        ("contender",), "1", "steps for which coefficients stay frozen, 0 for none", np.int64
     ),
     "contender_mode_count": Variable(
         ("contender",), "1", "modes kept for velocity and density, 0 for a full model", np.int32
@@ -381,7 +381,7 @@ def write(
     KeyError
         For a name that is not in `VARIABLES`.
     ValueError
-        For an array whose shape contradicts its dimensions.
+        For an array whose shape contradicts its dimensions, or a value that its type cannot hold.
     """
     sizes: dict[str, int] = {}
     for name, values in arrays.items():
@@ -395,6 +395,12 @@ def write(
             sizes.setdefault(dim, size) != size for dim, size in zip(dims, shape, strict=True)
         ):
             raise ValueError(f"{name} of shape {shape} does not fit {dims} with sizes {sizes}")
+        dtype = VARIABLES[name].dtype
+        if issubclass(dtype, np.integer):
+            with np.errstate(invalid="ignore"):
+                changed = np.asarray(values)[np.asarray(values).astype(dtype) != values]
+            if changed.size:
+                raise ValueError(f"{name} = {changed[0]} does not fit the type {dtype.__name__}")
     with whole(path) as partial, netCDF4.Dataset(partial, "w", format="NETCDF4") as file:
         file.setncatts(
             {
@@ -533,6 +539,12 @@ def _environment() -> str:
     libraries = "numpy", "scipy", "numba", "llvmlite", "netCDF4"
     told = (f"{library} {metadata.version(library)}" for library in libraries)
     return ", ".join((f"Python {sys.version.split()[0]}", *told))
+
+
+def place(path: str | os.PathLike[str]) -> tuple[str, ...]:
+    """The scene that a file is of, or the scene and the sampling."""
+    of = settings(path)
+    return (of["scene"], of["sampling"]["name"]) if "sampling" in of else (of["scene"],)
 
 
 def write_table(path: str | os.PathLike[str], table: "pandas.DataFrame") -> None:

@@ -22,7 +22,7 @@ import numpy as np
 
 from sphpod import certificate, energy, lifted, lifted_rom, stability
 from sphpod.enclosure import enclose
-from sphpod.scene import GROWTH_LIMIT, Scene, check, derivative_matrix
+from sphpod.scene import GROWTH_LIMIT, Scene, check, derivative_matrix, step_times
 from sphpod.stability import Breakdown
 
 INTEGRATORS = ("exact", "leapfrog", "symplectic_euler")
@@ -130,11 +130,11 @@ def work(scene: Scene, integrator: str, time_step: float) -> np.ndarray:
     mass, _ = lifted.energy_weights(scene)
     stride = round(scene.error_interval / time_step)
     count = stride * (scene.error_times.size - 1)
-    shift = 0.5 if integrator == "leapfrog" else 0.0
-    amplitude, profile = scene.force_values((np.arange(count + 1) + shift) * time_step)
+    halves = 2 * np.arange(count + 1) + (integrator == "leapfrog")
+    amplitude, profile = scene.force_values(step_times(time_step, halves, 2))
     if integrator == "exact":
         # Of the integral of |f| an upper sum, or rounding would decide where force alone acts.
-        grid = np.arange(count + 1) * time_step
+        grid = step_times(time_step, np.arange(count + 1))
         added = sum(np.diff(_upper_sums(course, grid)[::stride]) for course in scene.courses())
     else:
         added = np.add.reduceat(np.abs(amplitude[:-1]), np.arange(0, count, stride)) * time_step

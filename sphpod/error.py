@@ -8,6 +8,17 @@ import numpy as np
 FIELDS = ("velocity", "density")
 
 
+def share(part: float, whole: float) -> float:
+    """Part of a norm: 0 of nothing where there is no part, NaN where there is one.
+
+    What moves nowhere has no size that an error could be relative to; infinite are the errors of
+    what broke down.
+    """
+    if whole > 0:
+        return float(part / whole)
+    return 0.0 if part == 0 else float("nan")
+
+
 def relative_error(solution: np.ndarray, reference: np.ndarray) -> float:
     """sqrt(Σ_n Σ_i (a - b)² / Σ_n Σ_i b²) over all times and particles, equally weighted.
 
@@ -18,14 +29,14 @@ def relative_error(solution: np.ndarray, reference: np.ndarray) -> float:
     Returns
     -------
     float
-        Relative error (dimensionless).
+        Relative error (dimensionless); as `share` where the reference is zero.
     """
     wrong = right = 0.0
     for rows in blocks(len(reference)):
         difference = solution[rows] - reference[rows]
         wrong += np.vdot(difference, difference)
         right += np.vdot(reference[rows], reference[rows])
-    return float(np.sqrt(wrong / right))
+    return share(np.sqrt(wrong), np.sqrt(right))
 
 
 def compare(solutions: Mapping[str, np.ndarray], references: Sequence[str]) -> np.ndarray:
@@ -85,14 +96,16 @@ class Projection:
         Returns
         -------
         float
-            Relative L2 error; infinite if the coordinates are not finite.
+            Relative L2 error; infinite if the coordinates are not finite, and as `share` where
+            the field is zero.
         """
         k = reduced.shape[1]
         with np.errstate(over="ignore", invalid="ignore"):
             inside = reduced - self.coordinates[:, :k]
             squares = np.vdot(inside, inside) + self.squares[k:].sum() + self.outside
-            error = float(np.sqrt(squares / self.total))
-        return error if np.isfinite(error) else float("inf")
+        if not np.isfinite(squares):
+            return float("inf")
+        return share(np.sqrt(squares), np.sqrt(self.total))
 
 
 def project(field: np.ndarray, modes: np.ndarray) -> Projection:

@@ -213,7 +213,9 @@ class Motion:
         prepared = propagator.prepare(
             own.blocks,
             own.singles,
-            np.array([own.in_blocks(part) for part in (push.T if push.size else np.zeros((1, count)))]),
+            np.array(
+                [own.in_blocks(part) for part in (push.T if push.size else np.zeros((1, count)))]
+            ),
             step,
             steps + 1,
             full.courses,
@@ -546,7 +548,10 @@ def corrections(full: FullModel, model: LiftedModel, modes: np.ndarray) -> np.nd
         if np.linalg.norm(residual[:, block]) <= ROUNDING * np.linalg.norm(operator):
             continue
         triangle, unitary = schur(operator, "complex")
-        driven, solved = residual[:, block] @ unitary, np.zeros((len(residual), block.size), complex)
+        driven, solved = (
+            residual[:, block] @ unitary,
+            np.zeros((len(residual), block.size), complex),
+        )
         for n in range(block.size):
             value = triangle[n, n]
             right = solved[:, :n] @ triangle[:n, n] - driven[:, n]
@@ -582,12 +587,16 @@ def _responses(full, force, course):
     """A force's profile, and what it does while it stands still and as it turns, (2N, 4)."""
     half = np.diff(course.edges) / 2
     slopes = chebyshev.chebder(course.coefficients, axis=1) / half[:, None]
-    turn = np.sqrt(half @ np.sum(slopes**2, axis=1) / (half @ np.sum(course.coefficients**2, axis=1)))
+    turn = np.sqrt(
+        half @ np.sum(slopes**2, axis=1) / (half @ np.sum(course.coefficients**2, axis=1))
+    )
     rest = _shortest(full, 0)
     still = full.least_squares(0j, rest, -force)
     moved = full.least_squares(1j * turn, rest, -force)
     size = np.abs(course.coefficients).sum(axis=1).max()
-    return size * np.stack([force * full.scene.duration, still.real, moved.real, moved.imag], axis=1)
+    return size * np.stack(
+        [force * full.scene.duration, still.real, moved.real, moved.imag], axis=1
+    )
 
 
 def _more(modes, columns):

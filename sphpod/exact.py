@@ -433,9 +433,9 @@ def _forced_modes(scene, blocks, damping):
         pairs[:, 0, 0], pairs[:, 0, 1], pairs[:, 1, 0] = -damping, -omega[modes], omega[modes]
         force[..., 0] = 1
         state = np.zeros((2 * modes.size, outputs))
-        propagator.prepare(
-            pairs, 0, force, scene.error_interval, outputs, scene.courses()
-        ).run(state)
+        propagator.prepare(pairs, 0, force, scene.error_interval, outputs, scene.courses()).run(
+            state
+        )
         # Modes that the points cannot tell apart are added.
         velocity, displacement = state[: modes.size].T, state[modes.size :].T
         fields[0][:, modes % count] += velocity * amplitude[modes]

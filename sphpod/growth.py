@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from sphpod import energy, lifted, sph
-from sphpod.error import blocks
+from sphpod.error import blocks, share
 from sphpod.lifted_rom import LiftedModel
 from sphpod.scene import Scene
 
@@ -161,16 +161,21 @@ def _growth(waves, horizon):
     count = round(horizon / scene.time_step)
     steps = np.unique(np.linspace(0, count, OUTPUTS + 1).round().astype(int))
     broken = np.flatnonzero(~(waves.smallest_jacobian(steps) > 0))
-    predicted_time = steps[broken[0]] * scene.time_step if broken.size else np.nan
+    predicted_time = scene.times(steps)[broken[0]] if broken.size else np.nan
     fields = np.empty((2, steps.size, scene.particle_count))
     failed = sph.prepare(scene, steps)(*fields)
     measured, measured_time = np.nan, np.nan
     if failed >= 0:
-        measured_time = steps[failed // scene.particle_count] * scene.time_step
+        measured_time = scene.times(steps)[failed // scene.particle_count]
     else:
         ends = energy.total(scene, fields[0, [0, -1]], lifted.strain(scene, fields[1, [0, -1]]))
-        measured = ends[1] / ends[0]
-    return waves.energy(count) / waves.energy(0), measured, predicted_time, measured_time
+        measured = _grown(*ends)
+    return _grown(waves.energy(0), waves.energy(count)), measured, predicted_time, measured_time
+
+
+def _grown(start, end):
+    """Factor of growth of an energy; 1 where nothing moves."""
+    return end / start if start > 0 else 1.0
 
 
 def drift(
@@ -208,7 +213,7 @@ def drift(
         found = lifted.solve(long, integrator, step)
         velocity, strain = found["velocity"], found["strain"]
     kept = energy.kept(scene, integrator, step, velocity, strain)
-    return step, float(np.abs(kept / kept[0] - 1).max())
+    return step, share(np.abs(kept - kept[0]).max(), kept[0])
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:

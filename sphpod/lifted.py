@@ -26,7 +26,7 @@ from sphpod.error import blocks
 from sphpod.kernel import stencil_weights
 from sphpod.propagator import TURN
 from sphpod.propagator import prepare as prepare_jumps
-from sphpod.scene import ABSENT, Scene, derivative_matrix
+from sphpod.scene import ABSENT, Scene, derivative_matrix, step_times
 from sphpod.sph import State, wrap
 from sphpod.stability import Breakdown, fastest_wave, warn_of_step
 
@@ -186,9 +186,7 @@ def _fixed_step(scene, integrator, dt, begin):
     steps = np.arange(scene.error_times.size) * stride
     explicit = integrator == "explicit_euler"
     density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
-    # Leapfrog kicks in the middle of its step, and takes the force there.
-    middle = 0.5 if integrator == "leapfrog" else 0.0
-    amplitude, profile = scene.force_values((np.arange(steps[-1]) + middle) * dt)
+    amplitude, profile = _kicks(scene, integrator, dt, steps[-1])
     # The stress c e is stepped, not the strain: a product less for each neighbour.
     stiffness = dt * modulus
     keep, gain = np.ones_like(density0), np.full_like(density0, dt)
@@ -231,6 +229,14 @@ def _fixed_step(scene, integrator, dt, begin):
     return run
 
 
+def _kicks(scene, integrator, dt, steps):
+    """Force of each step as `Scene.force_values`; leapfrog kicks in the middle of its steps."""
+    if scene.force_time is None:
+        return ABSENT, ABSENT
+    halves = 2 * np.arange(steps) + (integrator == "leapfrog")
+    return scene.force_values(step_times(dt, halves, 2))
+
+
 def strain_bound(scene: Scene, integrator: str, time_step: float, begin: State) -> float:
     """What no strain exceeds at any step of a run, by its energy; infinite if that tells nothing.
 
@@ -253,8 +259,7 @@ def strain_bound(scene: Scene, integrator: str, time_step: float, begin: State) 
     mass, stiffness = energy_weights(scene)
     steps = round(scene.duration / time_step)
     z = time_step * fastest_wave(scene)
-    middle = 0.5 if integrator == "leapfrog" else 0.0
-    amplitude, profile = scene.force_values((np.arange(steps) + middle) * time_step)
+    amplitude, profile = _kicks(scene, integrator, time_step, steps)
     damping = scene.damping_values().max(initial=0.0) * time_step
     with np.errstate(invalid="ignore", over="ignore"):
         size = np.sqrt(np.sum((mass * begin[0]) ** 2) + np.sum((stiffness * begin[1]) ** 2))
@@ -592,9 +597,7 @@ def _fourier(scene, begin):
         spectrum[np.abs(spectrum) <= 1e-15 * np.abs(spectrum).max()] = 0
         force[:, 0] = spectrum.view(float)
 
-    jumps = prepare_jumps(
-        pairs, 0, force[None], scene.error_interval, times.size, scene.courses()
-    )
+    jumps = prepare_jumps(pairs, 0, force[None], scene.error_interval, times.size, scene.courses())
     start = [np.fft.rfft(field).view(float) for field in (begin[0], begin[1])]
     # q̂ = i s ê, s the speed of waves.
     strained = speed * np.stack([-start[1][1::2], start[1][::2]], axis=1).ravel()

@@ -24,7 +24,7 @@ from functools import cached_property
 import numpy as np
 
 from sphpod import lifted, propagator
-from sphpod.error import FIELDS, blocks
+from sphpod.error import FIELDS, blocks, share
 from sphpod.pod import checked
 from sphpod.pod import modes as proper_modes
 from sphpod.propagator import Jumps
@@ -37,24 +37,6 @@ METHODS = ("lifted_euler", "lifted_exact")
 
 ILL_CONDITIONED = 1e6
 """Condition number of eigenvectors from which a model is carried as one block."""
-
-MOMENTUM = 1e-12
-"""Part of Σ m |v0| from which the total momentum Σ m v0 is not taken for rounding."""
-
-
-def translates(scene: Scene) -> bool:
-    """Whether translation takes part: there is momentum, a force, or a damping that varies.
-
-    Only evenly spaced particles can be translated without being strained.
-    """
-    if not scene.is_even:
-        # Σ_j V_j ∇W_ij is then not zero: translation strains, and is a mode like any other.
-        return False
-    damping = scene.damping_values()
-    if scene.force_time is not None or (damping.size and damping.min() < damping.max()):
-        return True
-    momentum = scene.density0() * scene.velocity0()
-    return bool(abs(momentum.sum()) > MOMENTUM * np.abs(momentum).sum())
 
 
 def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -77,7 +59,7 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
     ------
     ValueError
         There is no snapshot, a value is not finite, a density not positive or a strain not above
-        -1; or nothing moves, in the snapshots or by translation, so that there is no mode.
+        -1; or nothing moves in the snapshots, of a scene that moves from the start.
     """
 
     def given(name, above):
@@ -89,11 +71,14 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
         strain = given("strain_snapshots", -1)
     else:
         strain = lifted.strain(scene, given("density_snapshots", 0))
-    rigid = (mass / np.linalg.norm(mass))[None] if translates(scene) else np.zeros((0, mass.size))
+    rigid = (mass / np.linalg.norm(mass))[None] if scene.translates else np.zeros((0, mass.size))
     shares = velocity @ rigid.T
     velocity_modes, velocity_values = _modes(velocity - shares @ rigid, np.linalg.norm(shares))
     strain_modes, strain_values = _modes(stiffness * strain)
     velocity_modes = np.concatenate([rigid, velocity_modes])
+    if not len(velocity_modes) and not np.any(scene.velocity0()):
+        # Any mode does for a scene at rest; this one does not strain evenly spaced particles.
+        velocity_modes, velocity_values = (mass / np.linalg.norm(mass))[None], np.zeros(1)
     if not len(velocity_modes):
         raise ValueError(
             f"scene {scene.name}: velocity_snapshots: all values are 0 and no translation takes "
@@ -496,4 +481,4 @@ def field_errors(
             values -= expected
             wrong[field] += np.vdot(values, values)
             right[field] += np.vdot(expected, expected)
-    return {field: float(np.sqrt(wrong[field] / right[field])) for field in FIELDS}
+    return {field: share(np.sqrt(wrong[field]), np.sqrt(right[field])) for field in FIELDS}

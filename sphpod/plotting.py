@@ -45,7 +45,7 @@ ROUNDING = 1e-12
 WORST_ERROR = 1e3
 """A relative error above this, or none at all, only says that the model broke down."""
 
-BREAKDOWN_NOTE = "top edge: error above 10³ or not finite"
+BREAKDOWN_NOTE = "top edge: error above 10³, or broken down"
 
 FIELDS = ("velocity", "density")
 
@@ -232,7 +232,7 @@ def _draw_picture(
     amplitude = np.abs(values).max(axis=1)
     limit = amplitude.max() or 1.0
     # A field that soon dies away would leave a blank picture on an even colour scale.
-    typical = np.median(amplitude)
+    typical = np.median(amplitude[amplitude > 0]) if amplitude.any() else limit
     fading = typical < 0.1 * limit
     linear = max(typical / 2, limit / 1000)
     norm = AsinhNorm(linear, -limit, limit) if fading else Normalize(-limit, limit)
@@ -316,9 +316,14 @@ def _draw_modes(
     figure: Figure, grid: GridSpec, pod: Arrays, field: str, number: int, length: float
 ) -> None:
     x, shapes = pod["x"], pod[f"{field}_modes"][:number]
-    relative = pod[f"{field}_singular_values"][:number] / pod[f"{field}_singular_values"][0]
+    values = pod[f"{field}_singular_values"][:number]
+    # Of snapshots that are zero all modes are noise, with nothing that they are a part of.
+    relative = values / values[0] if values[0] else np.zeros(number)
     # Noise may stick out, so that it does not flatten the modes that matter.
-    limit = 1.12 * min(np.abs(shapes).max(), 1.5 * np.abs(shapes[relative >= ROUNDING]).max())
+    limit = np.abs(shapes).max()
+    if relative[0]:
+        limit = min(limit, 1.5 * np.abs(shapes[relative >= ROUNDING]).max())
+    limit *= 1.12
     colour = {"velocity": BLUE, "density": VERMILLION}[field]
     for index, (shape, weight) in enumerate(zip(shapes, relative, strict=True)):
         row, column = divmod(index, grid.ncols)
@@ -330,6 +335,8 @@ def _draw_modes(
             color=colour if weight >= ROUNDING else GREY,
         )
         ratio = f"σ{str(index + 1).translate(SUBSCRIPTS)}/σ₁ = {shortened(weight)}"
+        if not values[0]:
+            ratio = "σ₁ = 0"
         axes.set_title(f"{field} mode {index + 1}\n{ratio}", y=1, pad=2.5, linespacing=1.05)
         # Shared axes: ticks, the costly part of a panel, only along the edges of the block.
         if column == 0:
@@ -431,14 +438,14 @@ def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> N
                 drawn.append(np.array([level]))
                 continue
             values = sweep[f"{field}_error_{suffix}"]
-            finite = values <= WORST_ERROR
-            # The line has a gap where the model broke down.
-            axes.plot(counts, np.where(finite, values, np.nan), label=label, **look)
-            drawn.append(values[finite])
+            broken = values > WORST_ERROR
+            # The line has a gap where the model broke down, or where the field is zero.
+            axes.plot(counts, np.where(broken, np.nan, values), label=label, **look)
+            drawn.append(values[values <= WORST_ERROR])
             # Side by side, for a model breaks down in everything at once.
             aside = 0.22 * (2 * place + number - 1.5)
-            mark_breakdown(axes, counts[~finite] + aside, look)
-            broken_anywhere |= not finite.all()
+            mark_breakdown(axes, counts[broken] + aside, look)
+            broken_anywhere |= bool(broken.any())
     if broken_anywhere:
         axes.set_title(BREAKDOWN_NOTE, loc="right")
     axes.set(xlabel="number of modes k", ylabel="relative L² error")
@@ -468,9 +475,9 @@ def scale_log(
     low, high = low / margin, high * margin
     few = high / low < few_below
     if axis.axis_name == "x":
-        axis.axes.set(xscale="log", xlim=(low, high))
+        axis.axes.set(xlim=(low, high), xscale="log")
     else:
-        axis.axes.set(yscale="log", ylim=(low, high))
+        axis.axes.set(ylim=(low, high), yscale="log")
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,), numticks=9))
     axis.set_major_formatter(FuncFormatter(lambda value, _: _tick(value, few)))
     axis.set_minor_formatter(NullFormatter())
@@ -544,10 +551,10 @@ def _draw_acceleration(axes: Axes, cpu_time: Arrays, values: np.ndarray) -> None
     )
     quartiles = time_quartiles(cpu_time["cpu_seconds"])
     median = quartiles[1]
-    finite = values <= WORST_ERROR
-    shown = np.where(finite, values, np.nan)
+    broken = values > WORST_ERROR
+    shown = np.where(broken, np.nan, values)
     scale_log(axes.xaxis, quartiles[::2].ravel())
-    scale_log(axes.yaxis, values[finite], room=0.12)
+    scale_log(axes.yaxis, values[values <= WORST_ERROR], room=0.12)
 
     def draw(chosen: np.ndarray, label: str, look: Look) -> None:
         if len(chosen):
@@ -555,7 +562,7 @@ def _draw_acceleration(axes: Axes, cpu_time: Arrays, values: np.ndarray) -> None
             bars: Look = {"elinewidth": 0.6, "capsize": 1.5, "capthick": 0.6}
             draw_bars(axes, quartiles[:, chosen], shown[chosen], look["color"], **bars)
             axes.plot(times, shown[chosen], label=label, **look)
-            mark_breakdown(axes, times[~finite[chosen]], look)
+            mark_breakdown(axes, times[broken[chosen]], look)
 
     mode_counts = np.unique(counts[counts > 0])
     for place, (count, colour) in enumerate(zip(mode_counts, cycle(MODE_COUNT_COLOURS))):
@@ -570,12 +577,13 @@ def _draw_acceleration(axes: Axes, cpu_time: Arrays, values: np.ndarray) -> None
         chosen = chosen[np.argsort(steps[chosen])]
         look = {"color": colour, "marker": "o", "linestyle": "--"}
         draw(chosen, f"k = {count}, frozen for n steps", look)
+        chosen = chosen[values[chosen] > 0]
         # Few modes, large errors, labels above; more modes, smaller errors, labels below.
         _label_steps(axes, median[chosen], values[chosen], steps[chosen], colour, above=place == 0)
     for name, filling in FULL_MODELS.items():
         look = {"color": BLACK, "marker": "*", "fillstyle": filling, "markersize": 7}
         draw(np.flatnonzero(names == name), NAMES[name], {**look, "linestyle": ""})
-    if not finite.all():
+    if broken.any():
         axes.set_title(BREAKDOWN_NOTE, loc="right")
     axes.set_xlabel("CPU time [s]")
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from sphpod import error_bound, lifted, lifted_rom, pod, sph
-from sphpod.error import FIELDS, blocks
+from sphpod.error import FIELDS, blocks, share
 from sphpod.rom import ReducedModel
 from sphpod.scene import Scene
 from sphpod.stability import Breakdown
@@ -228,7 +228,7 @@ def judge(
     size = energy_norms(scene, lambda part: (full["velocity"][part], full["strain"][part])).max()
     bound, _ = error_bound.error_bounds(prepared, state)
     holds = np.all(error <= bound + ROUNDING * size)
-    return rank, error.max() / size, bound.max() / size, OUTCOMES[bool(holds)]
+    return rank, share(error.max(), size), share(bound.max(), size), OUTCOMES[bool(holds)]
 
 
 def original_error(scene: Scene, snapshots: Arrays, full: Arrays, mode_count: int) -> float:
@@ -255,7 +255,7 @@ def original_error(scene: Scene, snapshots: Arrays, full: Arrays, mode_count: in
     def whole(part):
         return full["velocity"][part], lifted.strain(scene, full["density"][part])
 
-    return energy_norms(scene, difference).max() / energy_norms(scene, whole).max()
+    return share(energy_norms(scene, difference).max(), energy_norms(scene, whole).max())
 
 
 def energy_norms(

@@ -40,6 +40,7 @@ VALUES = 2**22
 BLOCK = 512
 """Outputs of a pair that are carried together; few enough for the processor's nearest cache."""
 
+
 @dataclass(frozen=True)
 class Jumps:
     """From output to output of one model, prepared.

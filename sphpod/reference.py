@@ -85,7 +85,7 @@ def _solve(scene, refinement, shift):
     between = (nodes - shift * spacing) % scene.domain_length
     steps = refinement * scene.error_steps
     # The midpoint rule samples the force at the start and in the middle of a step.
-    amplitude, profile = scene.force_values(np.arange(2 * steps[-1]) * (dt / 2), nodes)
+    amplitude, profile = scene.force_of_steps(2 * steps[-1], 2 * refinement, nodes)
     density0 = scene.initial_density(x=between)
     velocity = np.empty((steps.size, scene.particle_count))
     density = np.empty_like(velocity)

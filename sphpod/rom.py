@@ -46,7 +46,7 @@ def freeze_steps(method: str) -> int:
     """
     if method in ("original", "linearized"):
         return 0
-    match = re.fullmatch(r"frozen([1-9]\d*)", method)
+    match = re.fullmatch(r"frozen([1-9]\d{0,14})", method)
     if match is None:
         raise ValueError(
             f"method = {method}: allowed are original, linearized and frozen1, frozen2, …"
@@ -186,7 +186,7 @@ class ReducedModel:
             decay = 1 - dt * float(d[0])
         elif d.size:
             damping = -dt * (modes * d) @ modes.T
-        amplitude, profile = scene.force_values(np.arange(step_count) * dt)
+        amplitude, profile = scene.force_of_steps(step_count)
         push = dt * modes @ profile if amplitude.size else ABSENT
         return decay, damping, amplitude, push
 
@@ -195,7 +195,7 @@ class ReducedModel:
         if row < 0:
             return None
         model = f"the {self.method} model with {len(self.velocity_modes)} modes"
-        return Breakdown(self.scene.name, model, steps[row] * self.scene.time_step, particle)
+        return Breakdown(self.scene.name, model, self.scene.times(steps)[row], particle)
 
     def _broken(self, velocity_coordinates, density_coordinates):
         """First row and particle without finite state and positive Jacobian J, or (-1, -1).

@@ -2,6 +2,7 @@
 
 import logging
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import lru_cache
 from typing import Any
 
@@ -34,6 +35,12 @@ PHYSICS_KEYS = (
 
 GROWTH_LIMIT = 1e6
 """Largest growth of the fastest wave over T with which a run is worth starting."""
+
+MOVING = (1e-140, 1e140)
+"""Sizes in SI units of what moves a scene, so that sums of squares neither overflow nor vanish."""
+
+MOMENTUM = 1e-12
+"""Part of Σ m |v0| from which the total momentum Σ m v0 is not taken for rounding."""
 
 ABSENT = np.zeros(0)
 """Stands for a damping or force that a scene does not have."""
@@ -93,7 +100,10 @@ class Scene:
         ValueError
             An expression is not one, or uses an unknown name.
         """
-        constants = {"L": float(settings["domain_length"]), "T": float(settings["duration"])}
+        step = float(settings["time_step"])
+        duration = whole_time(float(settings["duration"]), step)
+        interval = whole_time(float(settings.get("error_interval", duration / 10000)), step)
+        constants = {"L": float(settings["domain_length"]), "T": duration}
 
         def expression(key, text, variable):
             try:
@@ -112,11 +122,11 @@ class Scene:
         return cls(
             name=name,
             domain_length=float(settings["domain_length"]),
-            duration=float(settings["duration"]),
+            duration=duration,
             particle_count=settings["particle_count"],
             smoothing_ratio=float(settings["smoothing_ratio"]),
-            time_step=float(settings["time_step"]),
-            error_interval=float(settings.get("error_interval", settings["duration"] / 10000)),
+            time_step=step,
+            error_interval=interval,
             interface=settings.get("interface"),
             initial_velocity=profile("initial_velocity"),
             initial_density=profile("initial_density"),
@@ -161,6 +171,21 @@ class Scene:
         return self.force_time is None and not self.damping_values().size
 
     @property
+    def translates(self) -> bool:
+        """Whether translation takes part: there is momentum, a force, or a damping that varies.
+
+        Only evenly spaced particles can be translated without being strained: of others translation
+        is a motion like any other, as Σ_j V_j ∇W_ij is not zero.
+        """
+        if not self.is_even:
+            return False
+        damping = self.damping_values()
+        if self.force_time is not None or (damping.size and damping.min() < damping.max()):
+            return True
+        momentum = self.density0() * self.velocity0()
+        return bool(abs(momentum.sum()) > MOMENTUM * np.abs(momentum).sum())
+
+    @property
     def volumes(self) -> np.ndarray:
         """Particle volumes V_i [m], shape (N,): Δx, or half the distance between the neighbours."""
         if self.is_even:
@@ -186,7 +211,11 @@ class Scene:
     @property
     def error_times(self) -> np.ndarray:
         """Times of the error integral [s], shape (samples,)."""
-        return self.error_steps * self.time_step
+        return self.times(self.error_steps)
+
+    def times(self, steps: np.ndarray, parts: int = 1) -> np.ndarray:
+        """Times [s] after numbers of time steps, or of so many parts of one, as `step_times`."""
+        return step_times(self.time_step, steps, parts)
 
     def velocity0(self) -> np.ndarray:
         """Initial velocity of the particles [m/s], shape (N,)."""
@@ -240,6 +269,12 @@ class Scene:
             _warn_of_force(self.name, self.force_time.text)
         return (course,)
 
+    def force_of_steps(self, count: int, parts: int = 1, positions: np.ndarray | None = None):
+        """Force as from `force_values`, at the first ``count`` steps or so many parts of one."""
+        if self.force_time is None:
+            return ABSENT, ABSENT
+        return self.force_values(self.times(np.arange(count), parts), positions)
+
     def neighbour_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Neighbours of each particle and their weights, as `kernel.neighbour_lists` gives them."""
         return neighbour_lists(
@@ -260,6 +295,50 @@ def _warn_of_force(name, text):
         "followed: what it does from output to output is an estimate, and no error is certified",
         name, text,
     )  # fmt: skip
+
+
+def step_times(time_step: float, steps: np.ndarray, parts: int = 1) -> np.ndarray:
+    """Times n Δt/parts [s], each the double nearest to it, so that 0.3 is 0.3 after any steps.
+
+    Δt is the number that its double stands for: the fraction of a small denominator that the double
+    is but for rounding, such as 3/10 of 0.30000000000000004, or its shortest decimal.
+
+    Parameters
+    ----------
+    time_step : float
+        Δt [s].
+    steps : int array
+        Numbers n of time steps, or of so many parts of one.
+    parts : int
+    """
+    decimal = Fraction(repr(float(time_step)))
+    simple = decimal.limit_denominator(10**6)
+    exact = simple if abs(simple - decimal) <= decimal * Fraction(1, 2**51) else decimal
+    top, bottom = (exact / parts).as_integer_ratio()
+    steps = np.asarray(steps, np.int64)
+    if max(int(steps.max(initial=0)) * top, bottom) < 2**53:
+        # Both are exact in double precision, so that only the quotient is rounded.
+        return steps * top / bottom
+    return np.array([n * top / bottom for n in steps.tolist()], float)
+
+
+def whole_steps(time: float, time_step: float) -> float:
+    """Number of time steps in a time, a whole one where it is whole to a part in 1e9."""
+    ratio = time / time_step
+    return round(ratio) if is_whole(time, time_step) else ratio
+
+
+def whole_time(time: float, time_step: float) -> float:
+    """The time [s] of a whole number of steps that a time is to a part in 1e9, else the time."""
+    if not is_whole(time, time_step):
+        return time
+    return float(step_times(time_step, np.array([round(time / time_step)]))[0])
+
+
+def is_whole(time: float, time_step: float) -> bool:
+    """Whether a time is a whole number of steps, at least one, to a part in 1e9."""
+    ratio = time / time_step if time_step > 0 else 0.0
+    return np.isfinite(ratio) and abs(ratio - max(1, round(ratio))) <= 1e-9 * ratio
 
 
 def derivative_matrix(scene: Scene):
@@ -305,11 +384,11 @@ def check_setting(scene: Scene) -> None:
     if count < 5:
         refuse("particle_count", count, "at least 5 particles are needed")
     for key, value in (("duration", scene.duration), ("error_interval", scene.error_interval)):
-        if not _is_multiple(value, scene.time_step):
+        if not is_whole(value, scene.time_step):
             refuse(
                 key, f"{value:g}", f"it must be a whole number of time steps of {scene.time_step:g}"
             )
-    if not _is_multiple(scene.duration, scene.error_interval):
+    if scene.step_count % scene.error_stride:
         refuse(
             "error_interval",
             f"{scene.error_interval:g}",
@@ -338,7 +417,9 @@ def check_setting(scene: Scene) -> None:
             f"at most {count / 4:g} is possible",
         )
     fine = np.arange(8 * count) * (scene.spacing / 8)
-    _check_values(scene, "initial_velocity", scene.initial_velocity(x=fine), fine, refuse)
+    velocity = scene.initial_velocity(x=fine)
+    _check_values(scene, "initial_velocity", velocity, fine, refuse)
+    _check_moving("initial_velocity", scene.initial_velocity.text, velocity, refuse)
     for key in ("initial_density", "youngs_modulus"):
         values = getattr(scene, key)(x=fine)
         _check_values(scene, key, values, fine, refuse)
@@ -361,18 +442,29 @@ def check_setting(scene: Scene) -> None:
             )
     if scene.force_time is not None:
         times = scene.error_times
-        _check_values(scene, "force", scene.force_time(t=times), times, refuse, "t")
+        force = scene.force_time(t=times)
+        _check_values(scene, "force", force, times, refuse, "t")
+        _check_moving("force", scene.force_time.text, force, refuse)
         if not _is_bounded(scene.force_time, scene.duration):
             for course in scene.courses():
                 if not np.isnan(course.singular):
                     _check_values(scene, "force", [np.nan], [course.singular], refuse, "t")
         if scene.force_profile is not None:
-            _check_values(scene, "force.profile", scene.force_profile(x=fine), fine, refuse)
+            profile = scene.force_profile(x=fine)
+            _check_values(scene, "force.profile", profile, fine, refuse)
+            _check_moving("force.profile", scene.force_profile.text, profile, refuse)
 
 
-def _is_multiple(value, step):
-    ratio = value / step
-    return round(ratio) >= 1 and abs(ratio - round(ratio)) <= 1e-9 * ratio
+def _check_moving(key, text, values, refuse):
+    largest = np.abs(values).max()
+    low, high = MOVING
+    if largest and not low <= largest <= high:
+        refuse(
+            key,
+            text,
+            f"its largest size is {largest:g}, which must be 0 or from {low:g} to {high:g}, or its "
+            "square is beyond double precision",
+        )
 
 
 def _is_bounded(force, duration):

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.error import FIELDS
-from sphpod.scene import Scene
+from sphpod.scene import Scene, whole_steps
 
 
 def sampling_steps(scene: Scene, sampling: Mapping[str, Any]) -> tuple[np.ndarray, np.ndarray]:
@@ -14,7 +14,7 @@ def sampling_steps(scene: Scene, sampling: Mapping[str, Any]) -> tuple[np.ndarra
 
     Uniform samplings divide their range into as many parts as there are snapshots, the right end
     excluded; a seed makes them distinct random steps of the range instead. Times are rounded to
-    the nearest step.
+    the nearest step; an end of the range that is a whole number of steps but for rounding is one.
 
     Parameters
     ----------
@@ -34,14 +34,14 @@ def sampling_steps(scene: Scene, sampling: Mapping[str, Any]) -> tuple[np.ndarra
             for field in FIELDS
         )
         return velocity_steps, density_steps
-    start, end = sampling["range"]
+    start, end = (whole_steps(time, dt) for time in sampling["range"])
     count = sampling["count"]
     if "seed" in sampling:
-        first, last = int(np.ceil(start / dt - 1e-6)), int(np.floor(end / dt + 1e-6))
+        first, last = int(np.ceil(start)), int(np.floor(end))
         choice = np.random.default_rng(sampling["seed"]).choice(last - first, count, replace=False)
         steps = np.sort(first + choice)
     else:
-        steps = np.rint((start + np.arange(count) * (end - start) / count) / dt).astype(np.int64)
+        steps = np.rint(start + np.arange(count) * (end - start) / count).astype(np.int64)
     return steps, steps
 
 

@@ -56,9 +56,9 @@ def solve(
     failed = run(velocity, density)
     if failed >= 0:
         at = divmod(failed, scene.particle_count)
-        raise Breakdown(scene.name, "full SPH", steps[at[0]] * scene.time_step, at[1])
+        raise Breakdown(scene.name, "full SPH", scene.times(steps)[at[0]], at[1])
     return {
-        "t": steps * scene.time_step,
+        "t": scene.times(steps),
         "x": scene.positions,
         "velocity": velocity,
         "density": density,
@@ -95,7 +95,7 @@ def prepare(
     steps = np.ascontiguousarray(steps, np.int64)
     first_step = 0 if start is None else int(steps[0])
     velocity_now, density_now = start or (scene.velocity0(), scene.density0())
-    amplitude, profile = scene.force_values(np.arange(steps[-1]) * scene.time_step)
+    amplitude, profile = scene.force_of_steps(steps[-1])
     density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
     dt = scene.time_step
     material = dt / density0, modulus, modulus * density0

@@ -83,23 +83,22 @@ SCENE_LOOKS: tuple[Look, ...] = (
 )
 """Looks of scenes, in the order in which they are given."""
 
+Place = tuple[str, ...]
+"""Where a table comes from: a scene, or a scene and a sampling of it."""
+
 WHITE_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
 NOTE: Look = {"color": DIM, "fontsize": 7, "zorder": 2, "bbox": WHITE_BOX}
 PREDICTED: Look = {"markersize": 6.5, "fillstyle": "none"}
 MEASURED: Look = {"markersize": 3}
 
 
-def _scene_looks(names: Iterable[str]) -> dict[str, Look]:
-    """The look of each scene, in order of the names `scene` or `scene__sampling`."""
-    scenes = dict.fromkeys(_scene(name) for name in names)
+def _scene_looks(places: Iterable[Place]) -> dict[str, Look]:
+    """The look of each scene, in their order."""
+    scenes = dict.fromkeys(scene for scene, *_ in places)
     return {
         scene: {"linewidth": 0.7, "markersize": 3, **look}
         for scene, look in zip(scenes, cycle(SCENE_LOOKS))
     }
-
-
-def _scene(name: str) -> str:
-    return name.partition("__")[0]
 
 
 def _words(name: str) -> str:
@@ -127,7 +126,7 @@ def _integrator(name: str) -> str:
     return INTEGRATORS[name]
 
 
-def _given(tables: Mapping[str, Arrays], kind: str) -> None:
+def _given(tables: Mapping[Place, Arrays], kind: str) -> None:
     if not tables:
         raise ValueError(f"a figure of {kind} needs at least one scene")
 
@@ -238,16 +237,16 @@ def stability_map(damping: Arrays, modes: Arrays) -> Figure:
 def _add_legend(
     figure: Figure | SubFigure, panels: Iterable[Axes], columns: int = 4, title: str | None = None
 ) -> None:
-    """Put one legend below, of what the panels label, each label once."""
-    handles = {
-        label: handle
+    """Put one legend below, of what the panels label, each once."""
+    # A scene may have the name of something else, but not its colour.
+    labelled = {
+        (label, str(artist.properties().get("color", artist.properties().get("facecolor")))): artist
         for axes in panels
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
+        for artist, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
-    columns = min(columns, len(handles))
-    figure.legend(
-        handles.values(), handles.keys(), loc="outside lower center", ncols=columns, title=title
-    )
+    columns = min(columns, len(labelled))
+    labels = [label for label, _ in labelled]
+    figure.legend(labelled.values(), labels, loc="outside lower center", ncols=columns, title=title)
 
 
 def _growth_norm(growth: np.ndarray) -> AsinhNorm:
@@ -326,12 +325,13 @@ CONSERVING_LOOKS: dict[str, Look] = {
 
 
 @styled
-def growth(**scenes: Arrays) -> Figure:
+def growth(scenes: Mapping[Place, Arrays]) -> Figure:
     """Draw energy growth of explicit Euler, breakdown times, and changes of energies that are kept.
 
     A row a scene. Left, how much energy each run has gained at its end; in the middle, where the
     longest run of a scene breaks down or should, the time at which it does. Hollow markers are
-    predicted, filled ones measured; beside them stands their relative difference. Right, how far
+    predicted, filled ones measured; beside them stands their relative difference. An energy that
+    does not grow stands on the left edge. Right, how far
     the energy that an integrator keeps moves. Values on the right edge are not finite, on the left
     edge zero.
 
@@ -345,10 +345,10 @@ def growth(**scenes: Arrays) -> Figure:
     Raises
     ------
     ValueError
-        There is no scene, an energy did not grow, or an integrator is of no known kind.
+        There is no scene, or an integrator is of no known kind.
     """
     _given(scenes, "growth")
-    names = [_words(name) for name in scenes]
+    names = [_words(scene) for (scene,) in scenes]
     breaks = {name: _breakdown(scene) for name, scene in scenes.items()}
     several = any(np.isfinite(pair).any() for pair in breaks.values())
     figure = Figure(figsize=(PAGE_WIDTH, 1.5 + 0.34 * len(scenes)), layout="constrained")
@@ -384,11 +384,14 @@ def _draw_pair(axes: Axes, pair: np.ndarray, height: float, look: Look, label: s
     for value, kind, size in zip(pair, PAIR, (PREDICTED, MEASURED), strict=True):
         named = label if kind == "measured" else None
         axes.plot(value, height, label=named, **{**look, "linestyle": "", **size})
-    text = _percent(*pair) if np.isfinite(pair).all() else f"only {PAIR[int(np.isnan(pair[0]))]}"
+    if np.isnan(pair).any():
+        text = f"only {PAIR[int(np.isnan(pair[0]))]}"
+    else:
+        text = _percent(*pair) if pair.min() > axes.get_xlim()[0] else "none"
     _write_beside(axes, text, pair[np.isfinite(pair)], height)
 
 
-def _draw_gains(axes: Axes, scenes: Mapping[str, Arrays]) -> None:
+def _draw_gains(axes: Axes, scenes: Mapping[Place, Arrays]) -> None:
     horizons = np.unique(np.concatenate([scene["horizon"] for scene in scenes.values()]))
     gains = {
         name: np.array([scene[f"{kind}_energy_growth"] for kind in PAIR]) - 1
@@ -396,12 +399,11 @@ def _draw_gains(axes: Axes, scenes: Mapping[str, Arrays]) -> None:
     }
     whole = {name: np.isfinite(gain[1]) for name, gain in gains.items()}
     values = np.concatenate([gains[name][:, whole[name]].ravel() for name in scenes])
-    if np.any(values <= 0):
-        raise ValueError("a logarithmic axis of growth cannot show an energy that does not grow")
-    scale_log(axes.xaxis, values, room=0.12)
+    # A gain below the rounding of an energy is none.
+    scale_log(axes.xaxis, values[values > 1e-14], room=0.12)
     axes.set_xlabel("gain of energy, E(T)/E(0) − 1")
     axes.set_title("explicit Euler", loc="left")
-    middle = np.sqrt(np.prod(axes.get_xlim()))
+    low, middle = axes.get_xlim()[0], np.sqrt(np.prod(axes.get_xlim()))
     labelled: set[float] = set()
     for row, (name, scene) in enumerate(scenes.items()):
         for run, horizon in enumerate(scene["horizon"]):
@@ -414,10 +416,10 @@ def _draw_gains(axes: Axes, scenes: Mapping[str, Arrays]) -> None:
             look = HORIZON_LOOKS[place % len(HORIZON_LOOKS)]
             label = None if horizon in labelled else f"T = {horizon:g} s"
             labelled.add(horizon)
-            _draw_pair(axes, gains[name][:, run], height, look, label)
+            _draw_pair(axes, np.maximum(gains[name][:, run], low), height, look, label)
 
 
-def _draw_breakdowns(axes: Axes, breaks: Mapping[str, np.ndarray], longest: float) -> None:
+def _draw_breakdowns(axes: Axes, breaks: Mapping[Place, np.ndarray], longest: float) -> None:
     axes.set(xlim=(0, longest), xlabel="time of breakdown [s]")
     axes.set_title("explicit Euler", loc="left")
     label: str | None = "longest run"
@@ -429,7 +431,7 @@ def _draw_breakdowns(axes: Axes, breaks: Mapping[str, np.ndarray], longest: floa
             axes.text(longest / 2, row, "none", ha="center", va="center_baseline", **NOTE)
 
 
-def _draw_drifts(axes: Axes, scenes: Mapping[str, Arrays]) -> None:
+def _draw_drifts(axes: Axes, scenes: Mapping[Place, Arrays]) -> None:
     present = set(np.concatenate([scene["conserving"] for scene in scenes.values()]).tolist())
     if unknown := sorted(present - set(CONSERVING_LOOKS)):
         raise ValueError(f"there is no look for energies kept by {unknown[0]}")
@@ -474,7 +476,11 @@ EXAMPLE: dict[str, tuple[str, Look]] = {
 
 
 @styled
-def operators(**tables: Arrays) -> Figure:
+def operators(
+    samplings: Mapping[Place, Arrays],
+    random: Mapping[Place, Arrays],
+    runs: Mapping[Place, Arrays],
+) -> Figure:
     """Draw the largest real parts of reduced operators, and a run of one that grows.
 
     Above, against the number of modes, a line a sampling, in the colour of its scene; the axis is
@@ -485,28 +491,21 @@ def operators(**tables: Arrays) -> Figure:
 
     Parameters
     ----------
-    tables
-        By name. `{scene}__{sampling}`: `mode_count`, `euclidean_growth_rate`, `frozen_growth_rate`,
+    samplings
+        By scene and sampling: `mode_count`, `euclidean_growth_rate`, `frozen_growth_rate`,
         `energy_growth_rate`, `euclidean_rounding`, `frozen_rounding` and `operator_size` [1/s].
-        `random__{scene}`, any number of them: `random_euclidean_growth_rate`,
-        `random_energy_growth_rate`, `random_operator_size` [1/s]. `run__{scene}` of random modes
-        and `run__{scene}__{sampling}` of POD modes, if there are any: `t` [s], `paper_energy`,
-        `lifted_energy` [J/m²].
+    random
+        By scene, any number of them: `random_euclidean_growth_rate`, `random_energy_growth_rate`,
+        `random_operator_size` [1/s].
+    runs
+        By scene of random modes, by scene and sampling of POD modes, any number of them: `t` [s],
+        `paper_energy`, `lifted_energy` [J/m²].
 
     Raises
     ------
     ValueError
         There is no sampling.
     """
-    random = {
-        name.removeprefix("random__"): table
-        for name, table in tables.items()
-        if name.startswith("random__")
-    }
-    runs = {name: table for name, table in tables.items() if name.startswith("run__")}
-    samplings = {
-        name: table for name, table in tables.items() if not name.startswith(("random__", "run__"))
-    }
     _given(samplings, "operators")
     looks = _scene_looks([*samplings, *random])
     heights = (3.0, *([2.3] if random else []), *([2.1] if runs else []))
@@ -526,7 +525,7 @@ def operators(**tables: Arrays) -> Figure:
 
 
 def _draw_growth_rates(
-    panels: Sequence[Axes], samplings: Mapping[str, Arrays], looks: Mapping[str, Look]
+    panels: Sequence[Axes], samplings: Mapping[Place, Arrays], looks: Mapping[str, Look]
 ) -> bool:
     """Draw growth rates over mode counts, and tell whether any stands on the top edge."""
     band = ROUNDING * max(table["operator_size"].max() for table in samplings.values())
@@ -537,8 +536,8 @@ def _draw_growth_rates(
     _scale_symlog(panels[0].yaxis, every[finite], band)
     for axes, (kind, title) in zip(panels, OPERATORS.items(), strict=True):
         axes.axhspan(-band, band, color=PALE, linewidth=0, label="rounding")
-        for name, table in samplings.items():
-            look, rates = looks[_scene(name)], table[f"{kind}_growth_rate"]
+        for (scene, _), table in samplings.items():
+            look, rates = looks[scene], table[f"{kind}_growth_rate"]
             counts, known = table["mode_count"], np.isfinite(rates)
             shown = np.where(known, rates, np.nan)
             # Lifted operators are as well-conditioned as the band tells.
@@ -571,13 +570,13 @@ def _scale_symlog(axis: YAxis, values: np.ndarray, band: float) -> None:
 
 
 def _draw_random(
-    figure: SubFigure, random: Mapping[str, Arrays], looks: Mapping[str, Look]
+    figure: SubFigure, random: Mapping[Place, Arrays], looks: Mapping[str, Look]
 ) -> None:
     """Draw the share of random bases that grow faster than a rate, against that rate."""
     axes = figure.subplots()
     relative = {
         (scene, kind): table[f"random_{kind}_growth_rate"] / table["random_operator_size"]
-        for scene, table in random.items()
+        for (scene,), table in random.items()
         for kind in ("euclidean", "energy")
     }
     fastest = max(rates.max() for rates in relative.values())
@@ -605,7 +604,7 @@ def _draw_random(
     _add_legend(figure, [axes])
 
 
-def _draw_runs(figure: SubFigure, runs: Mapping[str, Arrays]) -> None:
+def _draw_runs(figure: SubFigure, runs: Mapping[Place, Arrays]) -> None:
     """Energies of runs, a panel each."""
     panels = figure.subplots(1, len(runs), squeeze=False)[0]
     broken = False
@@ -621,7 +620,7 @@ def _draw_runs(figure: SubFigure, runs: Mapping[str, Arrays]) -> None:
             broken |= not finite.all()
         scale_log(axes.yaxis, np.concatenate(drawn))
         axes.set(xlim=time[[0, -1]], xlabel="time t [s]")
-        _, scene, *sampling = place.split("__")
+        scene, *sampling = place
         kind = f"POD modes of {sampling[0]}" if sampling else "random modes"
         axes.set_title(f"{_words(scene)}, {kind}", loc="left")
     panels[0].set_ylabel("energy E(t)/E(0)")
@@ -636,7 +635,7 @@ PAPER_RATIOS = (1.04, 1.06, 1.2)
 
 
 @styled
-def smoothing(**scenes: Arrays) -> Figure:
+def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     """Draw what the smoothing length does to derivative, time step, neighbours and errors.
 
     The paper's smoothing ratios are marked. Above, what belongs to the kernel alone; the stable
@@ -658,7 +657,7 @@ def smoothing(**scenes: Arrays) -> Figure:
     """
     _given(scenes, "smoothing lengths")
     usual = PAPER_RATIOS[0]
-    for name, scene in scenes.items():
+    for (name,), scene in scenes.items():
         if not np.all(scene["smoothing_ratio"] > 1):
             raise ValueError(f"{name} has smoothing ratios that are not above 1")
         if not np.isclose(scene["smoothing_ratio"], usual).any():
@@ -702,19 +701,19 @@ def _name_axis(axes: Axes, name: str, colour: str) -> None:
 
 
 def _draw_smoothing_errors(
-    axes: Axes, scenes: Mapping[str, Arrays], looks: Mapping[str, Look], field: str
+    axes: Axes, scenes: Mapping[Place, Arrays], looks: Mapping[str, Look], field: str
 ) -> bool:
     """Draw errors of a field, and tell whether any stands on the top edge."""
     drawn = []
     broken = False
-    for name, scene in scenes.items():
+    for (name,), scene in scenes.items():
         values = scene[f"smoothing_{field}_error"]
-        finite = values <= WORST_ERROR
-        axes.plot(scene["smoothing_ratio"], np.where(finite, values, np.nan),
+        bad = values > WORST_ERROR
+        axes.plot(scene["smoothing_ratio"], np.where(bad, np.nan, values),
                   label=_words(name), **{**looks[name], "markersize": 2.5})  # fmt: skip
-        mark_breakdown(axes, scene["smoothing_ratio"][~finite], looks[name])
-        drawn.append(values[finite])
-        broken |= not finite.all()
+        mark_breakdown(axes, scene["smoothing_ratio"][bad], looks[name])
+        drawn.append(values[values <= WORST_ERROR])
+        broken |= bool(bad.any())
     scale_log(axes.yaxis, np.concatenate(drawn))
     axes.set_ylabel(f"relative L² error of {field}")
     return broken
@@ -898,12 +897,12 @@ def _draw_noise(axes: Axes, snapshots: Arrays) -> bool:
     broken = False
     for name, (label, look) in NOISE_CURVES.items():
         values = snapshots[name]
-        finite = values <= WORST_ERROR
+        bad = values > WORST_ERROR
         look = {"linewidth": 0.8, **look}
-        axes.plot(snapshots["noise"], np.where(finite, values, np.nan), label=label, **look)
-        mark_breakdown(axes, snapshots["noise"][~finite], look)
-        drawn.append(values[finite])
-        broken |= not finite.all()
+        axes.plot(snapshots["noise"], np.where(bad, np.nan, values), label=label, **look)
+        mark_breakdown(axes, snapshots["noise"][bad], look)
+        drawn.append(values[values <= WORST_ERROR])
+        broken |= bool(bad.any())
     scale_log(axes.xaxis, snapshots["noise"])
     scale_log(axes.yaxis, np.concatenate(drawn))
     axes.set(xlabel="relative noise of the snapshots", ylabel="relative error, and its bound")
@@ -959,7 +958,7 @@ QUANTITIES: dict[str, tuple[str, Look]] = {
 
 
 @styled
-def limits(**tables: Arrays) -> Figure:
+def limits(tables: Mapping[Place, Arrays]) -> Figure:
     """Draw how far measured stability is from the predicted, by model and integrator.
 
     Filled markers compare limits of the time step, hollow ones growth rates where no step is
@@ -970,7 +969,7 @@ def limits(**tables: Arrays) -> Figure:
     Parameters
     ----------
     tables
-        By `scene` or `scene__sampling`, one entry a model: `contender`, `integrator`,
+        By scene, or by scene and sampling, one entry a model: `contender`, `integrator`,
         `predicted_time_step`, `measured_time_step` [s] (NaN where no step is stable, infinite
         where every one is),
         `predicted_growth_rate`, `measured_growth_rate` [1/s] (NaN if stable).
@@ -994,7 +993,7 @@ def limits(**tables: Arrays) -> Figure:
     axes = figure.subplots()
     offsets = dict(zip(looks, np.linspace(-0.32, 0.32, len(looks) + 2)[1:-1], strict=True))
     drawn = []
-    for name, table in tables.items():
+    for (scene, *_), table in tables.items():
         rows = np.array([
             places[pair] for pair in zip(
                 table["contender"].tolist(), table["integrator"].tolist(), strict=True)
@@ -1003,8 +1002,8 @@ def limits(**tables: Arrays) -> Figure:
             predicted, measured = (table[f"{kind}_{quantity}"] for kind in PAIR)
             told = ~(np.isnan(predicted) & np.isnan(measured))
             difference = _difference(predicted, measured)[told]
-            heights = rows[told] + offsets[_scene(name)]
-            drawn.append((difference, heights, {**looks[_scene(name)], **size}))
+            heights = rows[told] + offsets[scene]
+            drawn.append((difference, heights, {**looks[scene], **size}))
     finite = np.concatenate([difference for difference, _, _ in drawn])
     scale_log(axes.xaxis, np.append(finite[np.isfinite(finite)], CLOSE))
     for difference, heights, look in drawn:

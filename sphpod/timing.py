@@ -249,7 +249,7 @@ def sparse_loop(scene: Scene, step_count: int) -> tuple[np.ndarray, np.ndarray]:
     velocity, density = scene.velocity0(), scene.density0()
     density0, modulus, dt = density.copy(), scene.modulus(), scene.time_step
     damping = scene.damping_values()
-    amplitude, profile = scene.force_values(np.arange(step_count) * dt)
+    amplitude, profile = scene.force_of_steps(step_count)
     for step in range(step_count):
         rate = -(gradient @ (modulus * (1 - density0 / density))) / density0
         if damping.size:

@@ -191,6 +191,25 @@ def test_later_files_win(load):
     assert resolved["scenes"]["wave"]["particle_count"] == 20
 
 
+def test_times_touched_by_rounding_lie_within_the_duration(load):
+    late = 0.1 + 0.2
+    times = {"velocity_times": [0, late], "density_times": [late]}
+    samplings: dict[str, Any] = {"ends": {"range": [0, late], "count": 150}, "last": times}
+    for duration in (0.3, late):
+        scene = load(wave({"duration": duration, "samplings": samplings}))["scenes"]["wave"]
+        assert scene["samplings"]["ends"]["count"] == 150
+    samplings["last"]["velocity_times"] = [0.3001]
+    message = refusal(load, wave({"duration": 0.3, "samplings": samplings}))
+    assert "velocity_times = 0.3001: it must lie within" in message
+
+
+@pytest.mark.parametrize("name", ["logs", "figures"])
+def test_scenes_whose_results_would_lie_among_the_logs_are_refused(load, name):
+    message = refusal(load, {"scenes": {name: WAVE}})
+    assert message.startswith(f"scenes.name = {name}: allowed are lower-case letters")
+    assert "but not logs or figures" in message
+
+
 def test_overrides_win_over_files(tmp_path):
     path = tmp_path / "wave.yaml"
     path.write_text(yaml.safe_dump(wave() | {"output": "a"}))
@@ -287,6 +306,11 @@ REFUSALS = [
     ({"references": []}, ["references = []", "at least 1"]),
     ({"references": ["fd", "fd"]}, ["references = [fd, fd]", "twice"]),
     ({"references": ["analytic"]}, ["references.0 = analytic", "fd, centred, exact, modified"]),
+    (
+        {"acceleration.few": STUDY | {"n_freeze": [1e18]}},
+        ["acceleration.few.n_freeze.0 = 1.0e+18", "at most 999999999999999"],
+    ),
+    ({"samplings.uniform10.seed": 1e20}, ["samplings.uniform10.seed = 1.0e+20", "at most"]),
     # what the numbers mean together
     ({"duration": 1.001}, ["duration = 1.001", "whole number"]),
     ({"error_interval": 0.003}, ["error_interval = 0.003", "whole number"]),
@@ -298,6 +322,10 @@ REFUSALS = [
     ({"initial_density": 0}, ["initial_density = 0", "positive"]),
     ({"youngs_modulus": "x - 0.5"}, ["youngs_modulus = x - 0.5", "positive"]),
     ({"damping": "x - 0.5"}, ["damping = x - 0.5", "negative"]),
+    ({"initial_velocity": 1e308}, ["initial_velocity = 1e+308", "0 or from 1e-140 to 1e+140"]),
+    ({"initial_velocity": 1e-320}, ["initial_velocity = 1e-320", "0 or from 1e-140 to 1e+140"]),
+    ({"force": "1e200*sin(t)"}, ["force = 1e200*sin(t)", "0 or from 1e-140 to 1e+140"]),
+    ({"force": {"time": 1, "profile": 1e-200}}, ["force.profile = 1e-200", "0 or from 1e-140"]),
     ({"initial_velocity": "1/x"}, ["initial_velocity = 1/x", "finite", "x = 0"]),
     ({"force": "1/t"}, ["force = 1/t", "finite", "t = 0"]),
     # expressions
@@ -642,6 +670,28 @@ def test_usual_sweeps(load):
     assert config.usual_sweep(few, "uniform10") == "1-9"
 
 
+def test_lifted_models_may_have_a_mode_of_translation_more(load):
+    resolved = load(
+        {
+            "scenes": {
+                "wave": WAVE,
+                "forced": WAVE | {"force": "sin(t)"},
+                "few": WAVE | {"force": "sin(t)", "particle_count": 10},
+            }
+        }
+    )
+    for scene, method, most in (
+        ("wave", "lifted_exact", 10),
+        ("forced", "lifted_exact", 11),
+        ("forced", "lifted_euler", 11),
+        ("forced", "original", 10),
+        ("few", "lifted_exact", 10),
+    ):
+        config.check_modes(resolved, scene, "uniform10", f"1-{most}", method)
+        with pytest.raises(config.ConfigError, match=f"allowed are 1 to {most}"):
+            config.check_modes(resolved, scene, "uniform10", str(most + 1), method)
+
+
 def test_one_mode_is_no_range(load):
     one = {"samplings.one": {"range": [0, 1], "count": 1}}
     scene = load(wave(one))["scenes"]["wave"]
@@ -671,6 +721,19 @@ STABILITY_REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"amplitude": {"still": "few"}},
         "still: it must be a scene with an initial velocity",
     ),
+    "translated": (
+        {"amplitude": {"constant": "few"}},
+        "constant: it must be a scene with an initial velocity that strains it",
+    ),
+    "alternating": (
+        {"amplitude": {"alternating": "few"}},
+        "alternating: it must be a scene with an initial velocity that strains it",
+    ),
+    "run at rest": (
+        {"long_run": {"scene": "rest", "sampling": "few", "mode_count": 2}},
+        "stability.long_run.scene = rest: it must be a scene with an initial velocity",
+    ),
+    "edge's folder": ({"scenes": {"logs": EDGE}}, "stability.scenes.name = logs: allowed are"),
     "damped run": (
         {"random_run": {"scene": "damped"}},
         "damped: it must be a scene without damping",
@@ -702,6 +765,9 @@ def test_what_stability_cannot_study_is_refused(load, changes, answer):
     scenes = {
         "wave": WAVE,
         "damped": WAVE | {"damping": 1},
+        "constant": WAVE | {"initial_velocity": 1e-3},
+        "alternating": WAVE | {"initial_velocity": "1e-3*cos(20*pi*x/L)"},
+        "rest": WAVE | {"initial_velocity": 0},
         "still": WAVE | {"initial_velocity": 0, "force": "1e-3*sin(t)"},
     }
     with pytest.raises(config.ConfigError) as caught:

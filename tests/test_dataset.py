@@ -211,6 +211,22 @@ def test_unknown_names_and_wrong_shapes_are_refused(tmp_path):
         dataset.read(tmp_path / "sph.nc", "velocity")
 
 
+def test_no_value_is_stored_in_a_type_that_cannot_hold_it(tmp_path):
+    steps = np.array([0, 0, 10**11, 999_999_999_999_999])
+    write(tmp_path / "a.nc", {"n_freeze": steps})
+    assert dataset.read(tmp_path / "a.nc")["n_freeze"].tolist() == steps.tolist()
+    for name, value in {
+        "mode_count": [2**31],
+        "error_sample": [256],
+        "best_mode_count": 1.5,
+    }.items():
+        with pytest.raises(ValueError, match=f"{name} = .* does not fit the type int"):
+            write(tmp_path / "b.nc", {name: np.array(value)})
+    with pytest.raises(ValueError, match="mode_count = nan does not fit"):
+        write(tmp_path / "b.nc", {"mode_count": np.array([np.nan])})
+    assert not (tmp_path / "b.nc").exists()
+
+
 def test_a_failed_write_leaves_the_old_file_alone(tmp_path):
     path = tmp_path / "sph.nc"
     write(path, {"t": np.zeros(3)})

@@ -29,6 +29,23 @@ def test_reduced_coordinates_have_the_error_of_their_field(k, more, seed, digits
     assert projected == pytest.approx(direct, rel=1e-3 if digits > 10 else 1e-6)
 
 
+@given(st.floats(1e-140, 1e140), st.integers(0, 2))
+def test_errors_of_a_field_of_zero_are_zero_or_undefined(size, place):
+    """Never infinite, which is what the error of a breakdown is; whatever the field is small to."""
+    zero, wrong = np.zeros((3, 4)), np.zeros((3, 4))
+    modes = np.eye(4)[:2]
+    wrong[place, 1] = size
+    for found, expected in (
+        (error.relative_error(zero, zero), 0),
+        (error.project(zero, modes).relative_error(zero[:, :2]), 0),
+        (error.relative_error(zero, wrong), 1),
+        (error.project(wrong, modes).relative_error(zero[:, :2]), 1),
+        (error.relative_error(wrong, zero), np.nan),
+        (error.project(zero, modes).relative_error(wrong[:, :2]), np.nan),
+    ):
+        np.testing.assert_equal(found, expected)
+
+
 def test_what_is_not_finite_has_an_infinite_error():
     projection = error.project(np.ones((3, 4)), np.eye(4)[:2])
     for value in (np.nan, np.inf, 1e300):

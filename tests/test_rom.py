@@ -155,7 +155,21 @@ def test_a_model_that_breaks_down_is_told_of_and_does_not_stop_a_sweep():
         rom.sweep(strong, "original", [count], modes, projections, projections)
 
 
-@pytest.mark.parametrize("method", ["frozen0", "frozen", "lifted", "frozen-1"])
+def test_coefficients_frozen_for_longer_than_the_run_are_those_of_its_start():
+    case = scene()
+    modes = snapshot_modes(case)
+    full = sph.solve(case, case.error_steps)
+    projections = {f: error.project(full[f], modes[f"{f}_modes"]) for f in ("velocity", "density")}
+    longest = [case.step_count, 10**11, 999_999_999_999_999]
+    found = rom.accelerate(case, longest, [4], modes, projections)
+    assert found["n_freeze"].tolist() == [0, 0, *longest]
+    for field in ("velocity", "density"):
+        errors = found[f"acceleration_{field}_error"][2:, 0]
+        assert np.isfinite(errors).all()
+        assert np.ptp(errors) == 0
+
+
+@pytest.mark.parametrize("method", ["frozen0", "frozen", "lifted", "frozen-1", "frozen" + 16 * "9"])
 def test_unknown_methods_are_refused(method):
     with pytest.raises(ValueError, match="allowed are original, linearized and frozen1"):
         rom.freeze_steps(method)

@@ -2,12 +2,16 @@
 
 import re
 from dataclasses import replace
+from decimal import Decimal, localcontext
+from fractions import Fraction
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from scenes import VARIED, scene
 
-from sphpod import lifted, sph, stability
+from sphpod import lifted, rom, sph, stability
 from sphpod import scene as scenes
 
 
@@ -217,3 +221,52 @@ def test_what_jitter_loses_is_told(caplog):
     assert shares[1] > 1.5 * shares[0] > 0.5
     assert stability.translation_strain(scene()) < 1e-12
     assert "translation_strain" not in stability.foretell(scene(time_step=1e-5))
+
+
+@given(
+    st.decimals("1e-6", "2", places=7) | st.decimals("1e-4", "2", places=17),
+    st.lists(st.integers(0, 10**9), min_size=1, max_size=20),
+    st.sampled_from([1, 2, 8]),
+)
+def test_times_are_the_doubles_nearest_to_those_of_the_decimal_step(step, steps, parts):
+    with localcontext(prec=60):
+        exact = [float(Decimal(repr(float(step))) * n / parts) for n in steps]
+    found = scenes.step_times(float(step), np.array(steps), parts)
+    np.testing.assert_allclose(found, exact, rtol=2**-51, atol=0)
+    if step.as_tuple().exponent >= -7:
+        assert found.tolist() == exact
+
+
+@pytest.mark.parametrize("step", [1 / 3, 0.1 + 0.2, 0.07 / 7, 1 / 300, 5e-324, 1e-300])
+def test_times_of_steps_that_rounding_has_touched(step):
+    thirds = scenes.step_times(step, np.arange(7))
+    simple = Fraction(step).limit_denominator(1000) or Fraction(step)
+    assert thirds.tolist() == [float(n * simple) for n in range(7)]
+
+
+def test_every_decimal_time_is_a_time_of_the_error_integral():
+    for dt in (1e-4, 3e-4, 1.5e-3, 1 / 3000):
+        case = scene(duration=3, time_step=dt, error_interval=0.003)
+        assert case.error_times.tolist() == [float(f"{n * 3}e-3") for n in range(1001)]
+
+
+def test_a_duration_and_an_interval_touched_by_rounding_are_whole_steps():
+    case = scene(duration=0.1 + 0.2, error_interval=0.07 + 0.03 - 0.09, time_step=1e-3)
+    scenes.check(case)
+    assert (case.duration, case.error_interval) == (0.3, 0.01)
+    assert case.error_times[-1] == 0.3
+    ends = scene(duration=0.1 + 0.2, force="where(t == T, 1, 0)")
+    assert ends.force_values(ends.error_times)[0].tolist() == [0] * 30 + [1]
+
+
+def test_a_force_is_taken_at_the_decimal_times_of_steps():
+    """In the step from 0.3 s on; 3 Δt in double precision is above 0.3."""
+    kicked = scene(duration=1, time_step=0.1, error_interval=0.1, youngs_modulus=1e-6,
+                   initial_velocity=0, force="where(t == 0.3, 1, 0)")  # fmt: skip
+    velocity = sph.solve(kicked, kicked.error_steps)["velocity"]
+    np.testing.assert_allclose(velocity[:, 0], [0] * 4 + [0.1] * 7, atol=1e-9)
+    reduced = rom.ReducedModel(kicked, "original", np.ones((1, 40)) / 40**0.5,
+                               np.ones((1, 40)) / 40**0.5)  # fmt: skip
+    np.testing.assert_allclose(reduced.solve(kicked.error_steps)[0][:, 0], velocity[:, 0] * 40**0.5)
+    strained = lifted.solve(kicked, "explicit_euler")["velocity"]
+    np.testing.assert_allclose(strained, velocity, atol=1e-9)

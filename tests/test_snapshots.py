@@ -2,9 +2,10 @@
 
 import numpy as np
 import pytest
+import xarray as xr
 from scenes import scene
 
-from sphpod import snapshots, sph
+from sphpod import dataset, snapshots, sph
 
 
 @pytest.mark.parametrize(
@@ -40,6 +41,33 @@ def test_random_samplings_are_distinct_seeded_and_within_their_range():
     assert np.array_equal(steps, snapshots.sampling_steps(case, sampling)[0])
     other, _ = snapshots.sampling_steps(case, sampling | {"seed": 4})
     assert not np.array_equal(steps, other)
+
+
+def test_times_touched_by_rounding_are_those_of_whole_steps():
+    case = scene(duration=0.3, time_step=0.1 / 128, error_interval=0.1)
+    given = {"velocity_times": [0, 0.1 + 0.2], "density_times": [0.1 + 0.2]}
+    assert [steps.tolist() for steps in snapshots.sampling_steps(case, given)] == [[0, 384], [384]]
+    # Halves of a step go to the even one, whichever side of the end rounding has put the range.
+    for end in (0.3, 0.1 + 0.2, np.nextafter(0.3, 0)):
+        steps, _ = snapshots.sampling_steps(case, {"range": [0, end], "count": 256})
+        assert steps.tolist() == [round(1.5 * n) for n in range(256)]
+        drawn, _ = snapshots.sampling_steps(case, {"range": [0, end], "count": 384, "seed": 1})
+        assert drawn.tolist() == list(range(384))
+
+
+def test_times_of_files_are_decimal_and_those_of_other_steps_the_same(tmp_path):
+    """All 101 samples are found by their decimal time, and none is lost in a difference."""
+    files = []
+    for number, dt in enumerate((1e-3, 2.5e-4, 1 / 300)):
+        case = scene(time_step=dt)
+        steps = snapshots.output_steps(case, [{"velocity_times": [0.3], "density_times": [0.7]}])
+        files.append(tmp_path / f"{number}.nc")
+        solution = sph.solve(case, steps)
+        dataset.write(files[-1], solution, title="test", settings={}, code="c0de")
+    first, *others = (xr.open_dataset(path).velocity for path in files)
+    assert first.sel(t=[float(f"{n}e-2") for n in range(101)]).sizes["t"] == 101
+    for other in others:
+        assert (other - first).sizes["t"] == 101
 
 
 def test_snapshots_are_the_solution_at_their_times():

@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from sphpod import kernel, plotting, stability_plots
-from sphpod.stability_plots import SCENE_LOOKS
+from sphpod.stability_plots import SCENE_LOOKS, Place
 
 Arrays = dict[str, np.ndarray]
 
@@ -68,13 +68,13 @@ def mode_map(damping: float = 10.0, most: int = 20, size: int = 25) -> Arrays:
     }
 
 
-def grown(breaking: str = "ten_harmonics") -> dict[str, Arrays]:
+def grown(breaking: str = "ten_harmonics") -> dict[Place, Arrays]:
     """Gains of energy from 1e-3 to 60; one scene breaks down at t = 34 s, predicted 33 s."""
-    scenes = {}
+    scenes: dict[Place, Arrays] = {}
     for gain, name in zip(np.geomspace(1e-3, 0.5, len(UNDAMPED)), UNDAMPED, strict=True):
         broken = np.array([False, name == breaking])
         predicted = 1 + gain * np.array([1, 120])
-        scenes[name] = {
+        scenes[name,] = {
             "horizon": np.array([10.0, 100.0]),
             "predicted_energy_growth": np.where(broken, 1e40, predicted),
             "measured_energy_growth": np.where(broken, np.nan, 1 + 1.01 * (predicted - 1)),
@@ -87,9 +87,9 @@ def grown(breaking: str = "ten_harmonics") -> dict[str, Arrays]:
     return scenes
 
 
-def reduced_operators() -> dict[str, Arrays]:
+def reduced_operators() -> dict[str, dict[Place, Arrays]]:
     """Operators that grow here and there in ρ and never in e, and random ones."""
-    tables = {}
+    tables: dict[str, dict[Place, Arrays]] = {"samplings": {}, "random": {}, "runs": {}}
     rng = np.random.default_rng(1)
     samplings = [("three_harmonics", f"random100_{seed}", 20) for seed in range(8)]
     samplings += [("ten_harmonics", f"half_period_{count}", count) for count in range(12, 21)]
@@ -98,7 +98,7 @@ def reduced_operators() -> dict[str, Arrays]:
         counts = np.arange(1, most + 1)
         damped = 0.1 * counts if "damped" in scene else 0
         growing = np.where(counts % 3 == 0, 10.0 ** rng.uniform(-4, 0, most), 1e-16)
-        tables[f"{scene}__{sampling}"] = {
+        tables["samplings"][scene, sampling] = {
             "mode_count": counts,
             "euclidean_growth_rate": growing - damped,
             "euclidean_rounding": np.full(most, 1e-3),
@@ -110,14 +110,15 @@ def reduced_operators() -> dict[str, Arrays]:
     for scene in SCENES:
         size = 10 ** rng.uniform(0, 2, 1112)
         growing = rng.exponential(0.05, 1112) * rng.choice([0, 1], 1112)
-        tables[f"random__{scene}"] = {
+        tables["random"][scene,] = {
             "random_euclidean_growth_rate": size * growing,
             "random_energy_growth_rate": size * rng.normal(size=1112) * 3e-16,
             "random_operator_size": size,
         }
     time = np.linspace(0, 10, 301)
-    for name in ("run__two_moduli", "run__three_harmonics__uniform100"):
-        tables[name] = {
+    places: list[Place] = [("two_moduli",), ("three_harmonics", "uniform100")]
+    for place in places:
+        tables["runs"][place] = {
             "t": time,
             "paper_energy": 1e-6 * np.exp(0.9 * time),
             "lifted_energy": 1e-6 * np.exp(-0.02 * time),
@@ -125,14 +126,14 @@ def reduced_operators() -> dict[str, Arrays]:
     return tables
 
 
-def smoothed() -> dict[str, Arrays]:
+def smoothed() -> dict[Place, Arrays]:
     ratios = np.unique(np.append(1 + np.geomspace(0.01, 2, 40), (1.04, 1.06, 1.2)))
     beta = np.array([kernel.derivative_coefficient(ratio) for ratio in ratios])
     dispersion = np.array([kernel.dispersion_coefficient(ratio) for ratio in ratios])
-    scenes = {}
+    scenes: dict[Place, Arrays] = {}
     for number, name in enumerate(SCENES, start=1):
         errors = np.abs(beta - 1) + 1e-3 * number * dispersion
-        scenes[name] = {
+        scenes[name,] = {
             "smoothing_ratio": ratios,
             "derivative_coefficient": beta,
             "dispersion_coefficient": dispersion,
@@ -197,7 +198,7 @@ def poor_snapshots() -> Arrays:
     }
 
 
-def compared() -> dict[str, Arrays]:
+def compared() -> dict[Place, Arrays]:
     """Full models of all scenes and reduced ones of some; measurements off by 1e-6 to 6e-3."""
     integrators = ["explicit_euler", "symplectic_euler", "leapfrog", "rk45", "dop853", "exact"]
     full = [("sph", "explicit_euler"), *(("lifted_full", name) for name in integrators)]
@@ -205,10 +206,12 @@ def compared() -> dict[str, Arrays]:
     reduced.append(("lifted_exact", "exact"))
     rng = np.random.default_rng(2)
     tables = {}
-    for place in (*SCENES, "ten_harmonics__uniform20", "damped__uniform12", "damped__uniform20"):
-        runs = 3 * reduced if "__" in place else full
+    places: list[Place] = [(name,) for name in SCENES]
+    places += [("ten_harmonics", "uniform20"), ("damped", "uniform12"), ("damped", "uniform20")]
+    for place in places:
+        runs = 3 * reduced if len(place) > 1 else full
         models, steppers = np.array(runs).T
-        limited = (steppers != "explicit_euler") | ("damped" in place)
+        limited = (steppers != "explicit_euler") | ("damped" in place[0])
         predicted = np.where(steppers == "exact", np.inf, 10 ** rng.uniform(-3, -1, len(runs)))
         off = 1 + 10 ** rng.uniform(-6, -2.2, len(runs))
         tables[place] = {
@@ -225,9 +228,9 @@ def compared() -> dict[str, Arrays]:
 def undecided_limits() -> Figure:
     """A run whose growth no one predicted, and one that does not grow as predicted."""
     tables = compared()
-    tables["damped"]["measured_time_step"][2] = np.nan
-    tables["gaussian"]["measured_growth_rate"][0] = np.nan
-    return stability_plots.limits(**tables)
+    tables["damped",]["measured_time_step"][2] = np.nan
+    tables["gaussian",]["measured_growth_rate"][0] = np.nan
+    return stability_plots.limits(tables)
 
 
 def broken_noise() -> Figure:
@@ -239,41 +242,39 @@ def broken_noise() -> Figure:
 
 def broken_smoothing() -> Figure:
     scenes = smoothed()
-    scenes["damped"]["smoothing_velocity_error"][-2:] = np.nan, np.inf
-    return stability_plots.smoothing(**scenes)
+    scenes["damped",]["smoothing_velocity_error"][-2:] = 1e4, np.inf
+    return stability_plots.smoothing(scenes)
 
 
 def broken_operators() -> Figure:
     tables = reduced_operators()
-    tables["damped__uniform12"]["frozen_growth_rate"][3] = np.nan
-    tables["run__two_moduli"]["paper_energy"][200:] = np.inf
+    tables["samplings"]["damped", "uniform12"]["frozen_growth_rate"][3] = np.nan
+    tables["runs"]["two_moduli",]["paper_energy"][200:] = np.inf
     return stability_plots.operators(**tables)
 
 
 def quiet_growth() -> Figure:
-    return stability_plots.growth(**grown(breaking=""))
+    return stability_plots.growth(grown(breaking=""))
 
 
 def samplings_alone() -> Figure:
-    tables = reduced_operators()
-    samplings = [name for name in tables if not name.startswith(("random__", "run__"))]
-    return stability_plots.operators(**{name: tables[name] for name in samplings})
+    return stability_plots.operators(reduced_operators()["samplings"], {}, {})
 
 
 FIGURES: dict[str, Callable[[], Figure]] = {
     "stability_map": lambda: stability_plots.stability_map(damping_map(), mode_map()),
     "stability_map, no damping": lambda: stability_plots.stability_map(damping_map(), mode_map(0)),
-    "growth": lambda: stability_plots.growth(**grown()),
+    "growth": lambda: stability_plots.growth(grown()),
     "growth, no breakdown": quiet_growth,
     "operators": lambda: stability_plots.operators(**reduced_operators()),
     "operators, samplings alone": samplings_alone,
     "operators, not finite": broken_operators,
-    "smoothing": lambda: stability_plots.smoothing(**smoothed()),
+    "smoothing": lambda: stability_plots.smoothing(smoothed()),
     "smoothing, breakdown": broken_smoothing,
     "amplitude": lambda: stability_plots.amplitude(scaled()),
     "noise": lambda: stability_plots.noise(poor_snapshots()),
     "noise, breakdown": broken_noise,
-    "limits": lambda: stability_plots.limits(**compared()),
+    "limits": lambda: stability_plots.limits(compared()),
     "limits, undecided": undecided_limits,
 }
 
@@ -387,13 +388,13 @@ def test_maps_refuse_what_they_cannot_show() -> None:
 
 def test_growth_pairs_predictions_with_measurements() -> None:
     scenes = grown()
-    gains, breakdowns, drifts = stability_plots.growth(**scenes).axes
+    gains, breakdowns, drifts = stability_plots.growth(scenes).axes
     assert rows(gains) == [name.replace("_", " ") for name in UNDAMPED]
     for run, look in enumerate(stability_plots.HORIZON_LOOKS[:2]):
         for kind, style in (("predicted", "none"), ("measured", "full")):
             expected = np.array([
                 scene[f"{kind}_energy_growth"][run] - 1
-                for name, scene in scenes.items()
+                for (name,), scene in scenes.items()
                 if not (run and name == "ten_harmonics")
             ])  # fmt: skip
             drawn = points(gains, look, fillstyle=style)[:, 0]
@@ -424,18 +425,18 @@ def test_growth_without_breakdown_has_no_panel_for_it() -> None:
 def test_growth_tells_of_a_breakdown_that_only_theory_or_only_the_run_sees() -> None:
     for kind, missing in (("predicted", "measured"), ("measured", "predicted")):
         scenes = grown()
-        scenes["ten_harmonics"][f"{missing}_breakdown_time"][:] = np.nan
-        assert f"only {kind}" in texts(stability_plots.growth(**scenes).axes[1])
+        scenes["ten_harmonics",][f"{missing}_breakdown_time"][:] = np.nan
+        assert f"only {kind}" in texts(stability_plots.growth(scenes).axes[1])
     # What would break down after the end is no breakdown.
     scenes = grown(breaking="")
-    scenes["gaussian"]["predicted_breakdown_time"][:] = 340
-    assert len(stability_plots.growth(**scenes).axes) == 2
+    scenes["gaussian",]["predicted_breakdown_time"][:] = 340
+    assert len(stability_plots.growth(scenes).axes) == 2
 
 
 def test_growth_puts_energies_without_a_logarithm_on_the_edges() -> None:
     scenes = grown()
-    scenes["gaussian"]["energy_drift"][:2] = 0, np.inf
-    drifts = stability_plots.growth(**scenes).axes[2]
+    scenes["gaussian",]["energy_drift"][:2] = 0, np.inf
+    drifts = stability_plots.growth(scenes).axes[2]
     (left,), (right,) = edge(drifts, 0), edge(drifts, 1)
     assert left.get_marker() == stability_plots.CONSERVING_LOOKS["symplectic_euler"]["marker"]
     assert right.get_marker() == stability_plots.CONSERVING_LOOKS["leapfrog"]["marker"]
@@ -446,15 +447,31 @@ def test_growth_puts_energies_without_a_logarithm_on_the_edges() -> None:
 
 def test_growth_refuses_what_it_cannot_show() -> None:
     with pytest.raises(ValueError, match="at least one scene"):
-        stability_plots.growth()
+        stability_plots.growth({})
     scenes = grown()
-    scenes["gaussian"]["measured_energy_growth"][0] = 0.999
-    with pytest.raises(ValueError, match="energy that does not grow"):
-        stability_plots.growth(**scenes)
-    scenes = grown()
-    scenes["gaussian"]["conserving"] = np.array(["verlet", "leapfrog", "exact"])
+    scenes["gaussian",]["conserving"] = np.array(["verlet", "leapfrog", "exact"])
     with pytest.raises(ValueError, match="energies kept by verlet"):
-        stability_plots.growth(**scenes)
+        stability_plots.growth(scenes)
+
+
+def test_energies_that_do_not_grow_stand_on_the_left_edge_and_leave_the_scale_alone() -> None:
+    scenes = grown()
+    usual = stability_plots.growth(scenes).axes[0]
+    still: Arrays = {**scenes["two_moduli",], **{
+        f"{kind}_energy_growth": np.full(2, 1 + gain) for kind, gain in
+        (("predicted", 0.0), ("measured", -2e-16))}}  # fmt: skip
+    figure = stability_plots.growth({**scenes, ("still",): still})
+    check_layout(figure)
+    gains = figure.axes[0]
+    assert gains.get_xlim() == pytest.approx(usual.get_xlim())
+    last = len(scenes) - 0.5
+    ends = [
+        x for line in gains.lines for x, y in zip(x_of(line), y_of(line), strict=True) if y > last
+    ]
+    assert set(ends) == {gains.get_xlim()[0]}
+    assert texts(gains).count("none") == 2
+    alone = stability_plots.growth({("still",): still})
+    check_layout(alone)
 
 
 # --- Operators ------------------------------------------------------------------------------------
@@ -467,7 +484,7 @@ def test_operators_show_every_sampling_in_the_colour_of_its_scene() -> None:
     for axes, kind in zip(panels[:3], stability_plots.OPERATORS, strict=True):
         assert axes.get_yscale() == "symlog"
         for scene, look in colours.items():
-            own = [table for name, table in tables.items() if name.startswith(f"{scene}__")]
+            own = [table for (name, _), table in tables["samplings"].items() if name == scene]
             rates, counts = (
                 np.concatenate([table[name] for table in own])
                 for name in (f"{kind}_growth_rate", "mode_count")
@@ -490,10 +507,7 @@ def test_share_of_random_bases_that_grow_faster() -> None:
     assert axes.get_title(loc="left") == f"{1112 * len(SCENES)} random bases"
     lines = [line for line in axes.lines if len(x_of(line))]
     expected = [
-        (table, kind)
-        for name, table in tables.items()
-        if name.startswith("random__")
-        for kind in ("euclidean", "energy")
+        (table, kind) for table in tables["random"].values() for kind in ("euclidean", "energy")
     ]
     for line, (table, kind) in zip(lines, expected, strict=True):
         assert line.get_linestyle() == {"euclidean": "-", "energy": ":"}[kind]
@@ -515,10 +529,8 @@ def test_runs_are_drawn_where_there_are_any() -> None:
         assert y_of(paper)[0] == y_of(lifted)[0] == 1
         assert y_of(paper)[-1] == pytest.approx(np.exp(9))
     assert len(samplings_alone().axes) == 3
-    without = {
-        name: table for name, table in reduced_operators().items() if not name.startswith("run__")
-    }
-    assert len(stability_plots.operators(**without).axes) == 4
+    without = stability_plots.operators(**reduced_operators() | {"runs": {}})
+    assert len(without.axes) == 4
 
 
 def test_operators_mark_what_is_not_finite() -> None:
@@ -532,9 +544,36 @@ def test_operators_mark_what_is_not_finite() -> None:
 
 
 def test_operators_need_a_sampling() -> None:
-    tables = {name: table for name, table in reduced_operators().items() if "random__" in name}
     with pytest.raises(ValueError, match="at least one scene"):
-        stability_plots.operators(**tables)
+        stability_plots.operators(**reduced_operators() | {"samplings": {}})
+
+
+def test_no_key_is_made_of_two_names() -> None:
+    """Scenes and samplings whose names would be the same when joined, and a scene ``random``."""
+    tables = reduced_operators()
+    table, *_ = tables["samplings"].values()
+    pairs: list[Place] = [
+        ("a_b", "c"),
+        ("a", "b_c"),
+        ("a__b", "c"),
+        ("a", "b__c"),
+        ("rounding", "a"),
+        ("random", "a"),
+    ]
+    rates = {pair: {**table, "energy_growth_rate": table["energy_growth_rate"] - n}
+             for n, pair in enumerate(pairs, 1)}  # fmt: skip
+    random: dict[Place, Arrays] = {
+        (scene,): next(iter(tables["random"].values())) for scene, _ in pairs
+    }
+    figure = stability_plots.operators(
+        rates, random, {("run", "run"): tables["runs"]["two_moduli",]}
+    )
+    labels = [text.get_text() for text in figure.subfigs[0].legends[0].get_texts()]
+    assert labels == ["rounding", "a b", "a", "a  b", "rounding", "random"]
+    drawn = [y for line in figure.axes[2].lines if line.get_marker() != "None" for y in y_of(line)]
+    for table in rates.values():
+        assert set(table["energy_growth_rate"].tolist()) <= set(drawn)
+    assert figure.axes[-1].get_title(loc="left") == "run, POD modes of run"
 
 
 # --- Smoothing ------------------------------------------------------------------------------------
@@ -542,10 +581,8 @@ def test_operators_need_a_sampling() -> None:
 
 def test_smoothing_panels() -> None:
     scenes = smoothed()
-    beta, stable, velocity, density, dispersion, neighbours = stability_plots.smoothing(
-        **scenes
-    ).axes
-    first = scenes["three_harmonics"]
+    beta, stable, velocity, density, dispersion, neighbours = stability_plots.smoothing(scenes).axes
+    first = scenes["three_harmonics",]
     for axes, name in (
         (beta, "derivative_coefficient"),
         (dispersion, "dispersion_coefficient"),
@@ -571,7 +608,7 @@ def test_smoothing_panels() -> None:
 
 def test_smoothing_marks_breakdown() -> None:
     velocity, density = broken_smoothing().axes[2:4]
-    ratios = smoothed()["damped"]["smoothing_ratio"]
+    ratios = smoothed()["damped",]["smoothing_ratio"]
     marks = [line for line in on_top_edge(velocity) if line.get_marker() != "None"]
     assert [x_of(line).tolist() for line in marks] == [ratios[-2:].tolist()]
     assert not [line for line in on_top_edge(density) if line.get_marker() != "None"]
@@ -579,13 +616,13 @@ def test_smoothing_marks_breakdown() -> None:
 
 def test_smoothing_refuses_what_it_cannot_show() -> None:
     scenes = smoothed()
-    scenes["gaussian"]["smoothing_ratio"] = scenes["gaussian"]["smoothing_ratio"] + 1e-3
+    scenes["gaussian",]["smoothing_ratio"] = scenes["gaussian",]["smoothing_ratio"] + 1e-3
     with pytest.raises(ValueError, match=r"gaussian has no smoothing ratio of 1\.04"):
-        stability_plots.smoothing(**scenes)
+        stability_plots.smoothing(scenes)
     scenes = smoothed()
-    scenes["gaussian"]["smoothing_ratio"] = scenes["gaussian"]["smoothing_ratio"] - 0.01
+    scenes["gaussian",]["smoothing_ratio"] = scenes["gaussian",]["smoothing_ratio"] - 0.01
     with pytest.raises(ValueError, match="not above 1"):
-        stability_plots.smoothing(**scenes)
+        stability_plots.smoothing(scenes)
 
 
 # --- Amplitude ------------------------------------------------------------------------------------
@@ -683,7 +720,7 @@ def test_noise_refuses_snapshots_without_noise() -> None:
 
 def test_limits_compare_every_model() -> None:
     tables = compared()
-    (axes,) = stability_plots.limits(**tables).axes
+    (axes,) = stability_plots.limits(tables).axes
     assert rows(axes) == [
         "SPH, explicit Euler",
         *(
@@ -729,8 +766,8 @@ def test_limits_put_what_only_one_of_theory_and_run_tells_on_the_right_edge() ->
 
 def test_limits_refuse_what_they_do_not_know() -> None:
     with pytest.raises(ValueError, match="at least one scene"):
-        stability_plots.limits()
+        stability_plots.limits({})
     tables = compared()
-    tables["damped"]["integrator"][1] = "midpoint"
+    tables["damped",]["integrator"][1] = "midpoint"
     with pytest.raises(ValueError, match="no label for the integrator midpoint"):
-        stability_plots.limits(**tables)
+        stability_plots.limits(tables)

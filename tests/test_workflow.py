@@ -547,6 +547,34 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
         (["--", "small/figures/nothing.pdf"], "figure = nothing: allowed are "),
         (["--config", "scenes={waves: {time_step: 0}}"], "scene waves: time_step = 0: "),
         (["--config", "output=/"], "output = /: "),
+        (
+            ["--config", "illustrations=[{kind: spring, name: stability_limits}]"],
+            "figure = stability_limits: this is the name of kind limits and of kind spring; every",
+        ),
+        (
+            ["--config", "illustrations=[{kind: spring, name: benchmark_scaling}]"],
+            "figure = benchmark_scaling: this is the name of kind scaling, scene waves and of kind",
+        ),
+        (
+            [
+                "--config",
+                "scenes={graded: {samplings: {x_y: {range: [0, 1], count: 9}}}, graded_x: "
+                "{domain_length: 1, duration: 1, initial_velocity: 0, initial_density: 1, "
+                "youngs_modulus: 0.1, particle_count: 20, smoothing_ratio: 1.04, time_step: 0.01, "
+                "error_interval: 0.1, figures: [], samplings: {y: {range: [0, 1], count: 5}}}}",
+                "stability={map: {graded: x_y, graded_x: y}}",
+            ],
+            "figure = stability_map_graded_x_y: this is the name of kind stability_map, scene",
+        ),
+        (
+            ["--", "small/results/damped_forced/few/lifted_exact/k6.nc"],
+            "scene damped_forced: modes = 6: more modes than the larger snapshot set of sampling "
+            "few holds; allowed are 1 to 5",
+        ),
+        (
+            ["--", "small/results/waves/uniform10/frozen9999999999999999/k2.nc"],
+            "scene waves: method = frozen9999999999999999: allowed are original",
+        ),
     ],
     ids=lambda value: value[-1] if isinstance(value, list) else "",
 )

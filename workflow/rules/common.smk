@@ -42,30 +42,53 @@ FIGURES = {figure["name"]: figure for figure in CONFIG["illustrations"]} | {
     for name, scene in SCENES.items()
     for figure in scene["figures"]
 }
+
+
+def by_name(figures, others):
+    """Figures by name; one that would have the name of another ends the run."""
+    found = {}
+    for name, figure in figures:
+        if name in found or name in others:
+            both = " and of ".join(
+                ", ".join(
+                    f"{key} {one[key]}" for key in ("kind", "scene", "sampling") if key in one
+                )
+                for one in (figure, (found | others)[name])
+            )
+            stop(f"figure = {name}: this is the name of {both}; every figure needs its own")
+        found[name] = figure
+    return found
+
+
 # What the benchmarks draw is no part of the paper, and not of the default target.
-BENCHMARK_FIGURES = {
-    f"benchmark_{name}_{sampling}": {
-        "kind": "work_precision",
-        "scene": name,
-        "sampling": sampling,
-        "section": "benchmarks",
-        "caption": (
-            f"CPU time against error, all methods, mode counts and integrators: {name}, snapshots"
-            f" {sampling}."
-        ),
-    }
+BENCHMARK_FIGURES = [
+    (
+        f"benchmark_{name}_{sampling}",
+        {
+            "kind": "work_precision",
+            "scene": name,
+            "sampling": sampling,
+            "section": "benchmarks",
+            "caption": (
+                f"CPU time against error, all methods, mode counts and integrators: {name},"
+                f" snapshots {sampling}."
+            ),
+        },
+    )
     for name, scene in SCENES.items()
     for sampling in scene["acceleration"]
-}
+]
 if "step_scene" in CONFIG["benchmark"]:
-    BENCHMARK_FIGURES["benchmark_scaling"] = {
+    scaling = {
         "kind": "scaling",
         "scene": CONFIG["benchmark"]["step_scene"],
         "section": "benchmarks",
         "caption": "Time and memory of a step against particles and modes, full and reduced models.",
     }
-STABILITY_FIGURES = {
-    f"stability_{kind}": {"kind": kind, "section": "stability", "caption": caption}
+    BENCHMARK_FIGURES.append(("benchmark_scaling", scaling))
+BENCHMARK_FIGURES = by_name(BENCHMARK_FIGURES, FIGURES)
+STABILITY_FIGURES = [
+    (f"stability_{kind}", {"kind": kind, "section": "stability", "caption": caption})
     for kind, caption, drawn in (
         (
             "limits",
@@ -89,15 +112,18 @@ STABILITY_FIGURES = {
         ),
     )
     if drawn
-}
-STABILITY_FIGURES |= {
-    f"stability_{study}_{name}_{sampling}": {
-        "kind": kind,
-        "scene": name,
-        "sampling": sampling,
-        "section": "stability",
-        "caption": f"{caption}: {name}, snapshots {sampling}.",
-    }
+]
+STABILITY_FIGURES += [
+    (
+        f"stability_{study}_{name}_{sampling}",
+        {
+            "kind": kind,
+            "scene": name,
+            "sampling": sampling,
+            "section": "stability",
+            "caption": f"{caption}: {name}, snapshots {sampling}.",
+        },
+    )
     for study, kind, caption in (
         (
             "map",
@@ -108,7 +134,8 @@ STABILITY_FIGURES |= {
         ("snapshots", "noise", "Errors and their bounds with poor snapshots"),
     )
     for name, sampling in CONFIG["stability"][study].items()
-}
+]
+STABILITY_FIGURES = by_name(STABILITY_FIGURES, FIGURES | BENCHMARK_FIGURES)
 ALL_FIGURES = FIGURES | BENCHMARK_FIGURES | STABILITY_FIGURES
 
 
@@ -183,37 +210,36 @@ def of_step_scene(file):
 
 def stability_studies(study, file):
     """A file of every scene and sampling that a study of stability is made of."""
-    samplings = CONFIG["stability"][study]
-    return {
-        f"{name}__{sampling}": f"<results>/{name}/{sampling}/{file}"
-        for name, sampling in samplings.items()
-    }
+    return [
+        f"<results>/{name}/{sampling}/{file}"
+        for name, sampling in CONFIG["stability"][study].items()
+    ]
 
 
 def of_scenes(file, wanted=lambda scene: True):
-    """A file of every scene that is wanted, by its name."""
-    return {name: f"<results>/{name}/{file}" for name in SCENES if wanted(physical(name))}
+    """A file of every scene that is wanted."""
+    return [f"<results>/{name}/{file}" for name in SCENES if wanted(physical(name))]
 
 
 def of_samplings(file, every=True):
     """A file of every sampling, or of the first of every scene."""
-    return {
-        f"{name}__{sampling}": f"<results>/{name}/{sampling}/{file}"
+    return [
+        f"<results>/{name}/{sampling}/{file}"
         for name in sampled_scenes()
         for sampling in list(SCENES[name]["samplings"])[: None if every else 1]
-    }
+    ]
 
 
 def growing_runs():
-    """Runs that show a reduced model that grows, by the names under which their figure takes them."""
-    stability, runs = CONFIG["stability"], {}
+    """Runs that show a reduced model that grows."""
+    stability, runs = CONFIG["stability"], []
     if "random_run" in stability:
         scene = stability["random_run"]["scene"]
-        runs[f"run__{scene}"] = f"<results>/{scene}/random_run.nc"
+        runs.append(f"<results>/{scene}/random_run.nc")
     if "long_run" in stability:
-        scene, sampling, modes = stability["long_run"].values()
-        name = f"run__{scene}__{sampling}"
-        runs[name] = f"<results>/{scene}/{sampling}/long_run/k{modes}.nc"
+        run = stability["long_run"]
+        folder = f"<results>/{run['scene']}/{run['sampling']}/long_run"
+        runs.append(f"{folder}/k{run['mode_count']}.nc")
     return runs
 
 
@@ -227,9 +253,9 @@ def truth(scene):
     return f"<results>/{scene}/reference_{kind}.nc"
 
 
-# Datasets of each table of stability, by the name under which a figure of them all takes each.
+# Datasets of each table of stability.
 STABILITY = {
-    "stability": of_scenes("time_steps.nc") | of_samplings("time_steps.nc", every=False),
+    "stability": of_scenes("time_steps.nc") + of_samplings("time_steps.nc", every=False),
     "growth": of_scenes("growth.nc", lambda scene: scene.is_conservative),
     "operators": of_samplings("operators.nc"),
     "random_bases": of_scenes("random_bases.nc"),
@@ -237,15 +263,15 @@ STABILITY = {
     "smoothing_ranking": of_scenes("smoothing.nc"),
     "amplitude": stability_studies("amplitude", "amplitude.nc"),
     "poor_snapshots": stability_studies("snapshots", "poor_snapshots.nc"),
-    "machine": {
-        name: path
-        for study in ("snapshots", "amplitude", "map")
-        for name, path in stability_studies(study, "machine.nc").items()
-    },
+    "machine": list(
+        dict.fromkeys(
+            path
+            for study in ("snapshots", "amplitude", "map")
+            for path in stability_studies(study, "machine.nc")
+        )
+    ),
     "detection": of_scenes("detection.nc", lambda scene: scene.is_even),
-    "edge_scenes": {
-        name: f"<results>/{name}/edge_scene.nc" for name in CONFIG["stability"]["scenes"]
-    },
+    "edge_scenes": [f"<results>/{name}/edge_scene.nc" for name in CONFIG["stability"]["scenes"]],
 }
 
 
@@ -381,12 +407,12 @@ def known_edge_scene(wildcards):
 def known_reduced_model(wildcards):
     known_sampling(wildcards)
     if not re.fullmatch(
-        r"original|linearized|frozen[1-9]\d*|lifted_(euler|exact)", wildcards.method
+        r"original|linearized|frozen[1-9]\d{0,14}|lifted_(euler|exact)", wildcards.method
     ):
         allowed = "original, linearized, frozen1, frozen2, …, lifted_euler, lifted_exact"
         stop(f"scene {wildcards.scene}: method = {wildcards.method}: allowed are {allowed}")
     try:
-        check_modes(CONFIG, wildcards.scene, wildcards.sampling, wildcards.modes)
+        check_modes(CONFIG, wildcards.scene, wildcards.sampling, wildcards.modes, wildcards.method)
     except ConfigError as error:
         stop(error)
     return []
@@ -446,16 +472,15 @@ def figure_inputs(wildcards):
         case "scaling":
             return {"scaling": f"{of_scene}/scaling.nc"}
         case "limits":
-            return STABILITY["stability"]
+            return {"tables": STABILITY["stability"]}
         case "growth" | "smoothing":
-            return STABILITY[figure["kind"]]
+            return {"scenes": STABILITY[figure["kind"]]}
         case "operators":
-            random = STABILITY["random_bases"]
-            return (
-                STABILITY["operators"]
-                | {f"random__{name}": path for name, path in random.items()}
-                | growing_runs()
-            )
+            return {
+                "samplings": STABILITY["operators"],
+                "random": STABILITY["random_bases"],
+                "runs": growing_runs(),
+            }
         case "stability_map":
             return {
                 "damping": f"{of_scene}/stability_map.nc",

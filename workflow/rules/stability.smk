@@ -269,7 +269,7 @@ rule detection:
 
 rule stability_table:
     input:
-        lambda wildcards: STABILITY[wildcards.table].values(),
+        lambda wildcards: STABILITY[wildcards.table],
     output:
         "<results>/{table}.csv",
     log:

@@ -31,9 +31,8 @@ ROWS = {
 
 
 def place(path):
-    settings = dataset.settings(path)
-    sampling = settings.get("sampling", {}).get("name", "")
-    return {"scene": settings["scene"], "sampling": sampling}
+    scene, *sampling = dataset.place(path)
+    return {"scene": scene, "sampling": "".join(sampling)}
 
 
 if __name__ == "__main__":
