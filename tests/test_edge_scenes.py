@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from scenes import VARIED, scene
 
 from sphpod import edge_scenes, energy, lifted, stability
-from sphpod.scene import GROWTH_LIMIT
+from sphpod.stability import GROWTH_LIMIT
 
 # Where nothing is strained, the relative error of the strain has no value.
 pytestmark = pytest.mark.filterwarnings("ignore:invalid value encountered in scalar divide")
