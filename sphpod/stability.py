@@ -172,13 +172,15 @@ def energy_growth(scene):
         Energy after T, of that at the start. NaN if the scene is damped or forced, or so nearly at
         rest that more than a thousandth of it may come from rounding (`sphpod.growth.Waves`).
     """
+    if not scene.is_conservative:
+        return np.nan
     velocity = scene.velocity0()
     weights = scene.density0() * scene.volumes
     # Of a density in a step, of its own spacing in floating point.
     variance = np.finfo(float).eps ** 2 / 12
     rounding = np.sum(scene.volumes * scene.modulus()) * variance * scene.step_count
     rounding *= growth_factor(scene) ** 2
-    if not scene.is_conservative or not rounding <= 1e-3 * np.sum(weights * velocity**2):
+    if not rounding <= 1e-3 * np.sum(weights * velocity**2):
         return np.nan
     squares, shares = _frequencies_of(scene, velocity)
     return float(shares @ np.exp(np.log1p(scene.time_step**2 * squares) * scene.step_count))
@@ -225,8 +227,8 @@ def predict(scene):
     if energy > REPORTED_GROWTH:
         logging.getLogger(__name__).warning(
             "scene %s: time_step = %g: explicit Euler lets the energy, which the exact solution "
-            "keeps, grow by %.2g %% over %g s, and the fastest wave to at most %.3g times its "
-            "amplitude; leapfrog and symplectic Euler in strain let no wave grow with steps up to "
+            "keeps, grow by %.2g %% over %g s, and waves to up to %.3g times their amplitude; "
+            "leapfrog and symplectic Euler in strain let no wave grow with steps up to "
             "%.3g s",
             scene.name,
             scene.time_step,
@@ -371,7 +373,7 @@ def _norm_of_powers(scene, step):
                 if power[1].nnz < count**2 / 4:
                     continue
                 power = tuple(x.toarray() for x in power)
-            if not (found := sum(np.linalg.norm(x) for x in power)) < np.inf:
+            if not (found := float(sum(np.linalg.norm(x) for x in power))) < np.inf:
                 return np.inf
             if found >= size:
                 size, largest = found, power
@@ -406,5 +408,3 @@ def _frequencies_of(scene, velocity):
     matrix = np.diag(diagonal[: n + 1]) + np.diag(beside[:n], 1) + np.diag(beside[:n], -1)
     squares, vectors = np.linalg.eigh(matrix)
     return np.maximum(squares, 0), vectors[0] ** 2
-
-
