@@ -255,11 +255,11 @@ def check(scene: Scene) -> None:
     check_setting(scene)
     growth = stability.growth_factor(scene)
     if not growth <= GROWTH_LIMIT:
-        factor = f"{growth:.3g}" if np.isfinite(growth) else "more than 1e308"
+        factor = f"up to {growth:.3g}" if np.isfinite(growth) else "1e308 or more"
         step = 0.995 * stability.largest_time_step(scene, GROWTH_LIMIT)  # not rounded beyond it
         raise ValueError(
             f"scene {scene.name}: time_step = {scene.time_step:g}: "
-            f"explicit Euler would let waves grow by up to {factor} over the duration; "
+            f"explicit Euler would let waves grow by {factor} over the duration; "
             f"at most {GROWTH_LIMIT:g} is allowed, which a time step of {step:.3g} or less keeps"
         )
 

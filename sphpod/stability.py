@@ -244,12 +244,12 @@ def warn_of_step(scene, integrator, time_step):
     """Report in the log a step of symplectic Euler or leapfrog that may let the fastest wave grow.
 
     With the smallest damping d both are stable for (Δt ω²/d) tanh(d Δt/2) < 2, under which the
-    energies of `sphpod.energy` are norms; the bound of ω is taken.
+    energies of `sphpod.energy` are norms. As tanh x is below x and 1, that is so for Δt ω < 2 and
+    for Δt ω² < 2 d; the bound of ω is taken.
     """
-    from sphpod.spectrum import splitting_limit
-
+    fastest = fastest_wave(scene)
     damping = scene.damping_values()
-    largest = splitting_limit(fastest_wave(scene), damping.min() if damping.size else 0.0)
+    largest = max(2 / fastest, 2 * damping.min(initial=np.inf) / fastest**2 if damping.size else 0)
     if time_step > largest:
         logging.getLogger(__name__).warning(
             "scene %s: time_step = %g: %s may let the fastest wave grow without end; up to %.3g s "
@@ -279,10 +279,12 @@ def largest_time_step(scene, growth):
         low, below = high, above
         high = min(2 * high, scene.duration)
         above = excess(high)
+    part = 0.5
     while high - low > 5e-3 * high and (low == 0 or below < -0.4):
-        # The logarithm is nearly proportional to the step, where it is not still zero.
-        part = (-0.2 - below) / (above - below)
-        middle = low + (high - low) * min(max(part, 0.1), 0.9)
+        # The logarithm is nearly proportional to the step, but where it is still zero or jumps:
+        # every other part is a half.
+        part = 0.5 if part != 0.5 else min(max((-0.2 - below) / (above - below), 0.05), 0.95)
+        middle = low + (high - low) * part
         found = excess(middle)
         if found <= 0:
             low, below = middle, found

@@ -347,7 +347,7 @@ def test_steps_that_nothing_is_said_of_are_stable(damping, integrator, caplog):
     limit = float(record.getMessage().split("; up to ")[1].split()[0])
     caplog.clear()
     outcomes = []
-    for step in (limit, 1.02 * limit):
+    for step in (limit, 1.3 * limit):
         long = {"time_step": step, "error_interval": step, "duration": 4000 * step}
         case = replace(fine, **long)
         run = lifted.prepare(case, integrator)
@@ -356,10 +356,7 @@ def test_steps_that_nothing_is_said_of_are_stable(damping, integrator, caplog):
             run(velocity, strain, watch=False)
         stability.warn_of_step(case, integrator, step)
         outcomes.append((bool(np.abs(velocity[-1]).max() < 0.1), len(caplog.records)))
-    assert outcomes[0] == (True, 0)
-    assert outcomes[1][1] == 1
-    # The bound of the fastest wave is close, and under uniform damping so is that of the step.
-    assert outcomes[1][0] is ("x" in damping)
+    assert outcomes == [(True, 0), (False, 1)]
 
 
 def test_jittered_particles_fill_the_domain():
