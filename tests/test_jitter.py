@@ -69,10 +69,13 @@ def test_particles_keep_their_order_and_volumes_fill_the_domain(case):
 
 
 def test_shifts_reach_twice_the_jitter():
-    case = scene(particle_count=200, positions={"jitter": 0.25, "seed": 5})
-    shifts = case.positions / case.spacing - np.arange(200)
-    assert 1.7 * 0.25 < np.abs(shifts).max() <= 2 * 0.25
-    assert 1.9 * 0.25 < np.ptp(shifts) <= 2 * 0.25
+    furthest, spread = 0.0, 0.0
+    for seed in range(20):
+        case = scene(particle_count=200, positions={"jitter": 0.25, "seed": seed})
+        shifts = case.positions / case.spacing - np.arange(200)
+        furthest, spread = max(furthest, np.abs(shifts).max()), max(spread, np.ptp(shifts))
+    assert 1.8 * 0.25 < furthest <= 2 * 0.25
+    assert 1.9 * 0.25 < spread <= 2 * 0.25
 
 
 @few

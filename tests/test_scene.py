@@ -124,14 +124,23 @@ def test_damping_of_a_part_bounds_growth_as_far_as_it_does(damping, logarithm):
     assert powers(line(damping=damping, time_step=16 / np.floor(16 / (1.06 * step))))[1] > 1e6
 
 
-def test_what_is_refused_would_grow_and_what_is_not_does_not():
-    """In runs of full SPH, from fast waves far below the solution."""
-    for damping, grows in (("where(x/L < 0.1, 0, 8)", False), ("where(x/L < 0.2, 0, 8)", True)):
-        case = line(damping=damping, initial_velocity="1e-13*where(x < 0.01, 1, 0)")
-        result = sph.solve(case, np.array([0, case.step_count]))
-        grown = np.abs(result["velocity"][1]).max() / np.abs(result["velocity"][0]).max()
-        assert (grown > 1e5) == grows
-        assert grown < stability.growth_factor(case)
+@pytest.mark.parametrize("name", ["free tenth", "nearly free", "sine", "barrier"])
+@pytest.mark.parametrize("jitter", [0, 0.3])
+def test_growth_is_what_full_sph_does_from_the_worst_start(name, jitter):
+    case = line(damping=PARTLY[name][0], positions={"jitter": jitter, "seed": 1})
+    step = np.eye(2 * case.particle_count) + case.time_step * lifted.operator(case).toarray()
+    _, growth, starts = np.linalg.svd(np.linalg.matrix_power(step, case.step_count))
+    # So small that it stays linear, however much it grows.
+    scaled = 1e-4 / growth[0] * starts[0]
+    mass, stiffness = lifted.energy_weights(case)
+    velocity, strain = scaled[: mass.size] / mass, scaled[mass.size :] / stiffness
+    start = velocity, lifted.density(case, strain)
+    result = sph.solve(case, np.array([0, case.step_count]), start=start)
+    strain = lifted.strain(case, result["density"])
+    energy = np.sum((mass * result["velocity"]) ** 2 + (stiffness * strain) ** 2, axis=1)
+    grown = np.sqrt(energy[1] / energy[0])
+    # It may grow by a little first where it decays by the end.
+    assert stability.growth_factor(case, limit=1) == pytest.approx(max(1, grown), rel=0.02)
 
 
 @st.composite
@@ -162,7 +171,7 @@ def any_scene(draw):
     return scene(**changes, damping=damping, **times)
 
 
-@settings(deadline=None, max_examples=150)
+@settings(deadline=None, max_examples=80)
 @given(any_scene())
 def test_no_wave_grows_by_more_than_its_bound(case):
     """Neither one alone, nor, by more than twice that, all waves together at any time."""
