@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 from sphpod import exact, lifted, lifted_rom, pod, reference, snapshots, sph, stability, timing
 from sphpod.error import FIELDS, relative_error
 from sphpod.rom import ReducedModel, acceleration_contenders, freeze_steps
-from sphpod.scene import GROWTH_LIMIT, Scene
+from sphpod.scene import Scene
 
 MODE_COUNTS = (4, 8, 12, 16, 20)
 """Mode counts that every reduced model is run with, as far as the snapshots give them."""
@@ -242,7 +242,7 @@ def _with(scene, spacing, step):
     other = replace(scene, particle_count=count, time_step=scene.error_interval / stride)
     if step > 1 and other.time_step <= scene.time_step:
         return None
-    usable = count >= 5 and stability.growth_factor(other) <= GROWTH_LIMIT
+    usable = count >= 5 and stability.growth_factor(other) <= stability.GROWTH_LIMIT
     return other if usable else None
 
 

@@ -13,6 +13,7 @@ from sphpod.course import Course
 from sphpod.enclosure import enclose
 from sphpod.expressions import Expression
 from sphpod.kernel import derivative, neighbour_count, neighbour_lists, stencil_weights
+from sphpod.stability import GROWTH_LIMIT
 
 logger = logging.getLogger(__name__)
 
@@ -32,9 +33,6 @@ PHYSICS_KEYS = (
     "positions",
 )
 """The settings of a scene that its solutions depend on; samplings, figures and the like do not."""
-
-GROWTH_LIMIT = 1e6
-"""Largest growth of the fastest wave over T with which a run is worth starting."""
 
 MOVING = (1e-140, 1e140)
 """Sizes in SI units of what moves a scene, so that sums of squares neither overflow nor vanish."""
@@ -70,8 +68,9 @@ class Scene:
         External force per mass f(x, t) = force_profile(x) force_time(t) [m/s²]; a force without
         profile is uniform.
     jitter, seed : float and int
-        Largest distance, in spacings, of a particle from its even place at rest, drawn at random
-        from this seed; 0 if the particles are evenly spaced.
+        Largest distance, in spacings, of a particle at rest from its place in an evenly spaced row,
+        drawn at random from this seed; the row as a whole is shifted for the first particle to be
+        at 0. Zero if the particles are evenly spaced.
     """
 
     name: str
@@ -157,7 +156,8 @@ class Scene:
         if self.is_even:
             return even
         offsets = np.random.default_rng(self.seed).uniform(-1, 1, self.particle_count)
-        # No particle leaves the domain or passes another: all are shifted alike to begin at 0.
+        # All are shifted alike to begin at 0, by which none leaves the domain; at most twice the
+        # jitter is then between a particle and i Δx, and between a gap and Δx.
         return even + self.jitter * self.spacing * (offsets - offsets[0])
 
     @property
@@ -361,12 +361,12 @@ def check(scene: Scene) -> None:
     check_setting(scene)
     growth = stability.growth_factor(scene)
     if not growth <= GROWTH_LIMIT:
-        factor = f"{growth:.3g}" if np.isfinite(growth) else "more than 1e308"
+        factor = f"up to {growth:.3g}" if np.isfinite(growth) else "1e308 or more"
+        step = 0.995 * stability.largest_time_step(scene, GROWTH_LIMIT)  # not rounded beyond it
         raise ValueError(
             f"scene {scene.name}: time_step = {scene.time_step:g}: "
-            f"explicit Euler would let the fastest wave grow by {factor} over the duration; "
-            f"at most {GROWTH_LIMIT:g} is allowed, which a time step of "
-            f"{stability.largest_time_step(scene, GROWTH_LIMIT):.3g} or less keeps"
+            f"explicit Euler would let waves grow by {factor} over the duration; "
+            f"at most {GROWTH_LIMIT:g} is allowed, which a time step of {step:.3g} or less keeps"
         )
 
 

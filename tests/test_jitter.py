@@ -59,10 +59,23 @@ def test_particles_keep_their_order_and_volumes_fill_the_domain(case):
     assert x[0] == 0
     assert x[-1] < length
     assert np.diff(x).min() > 0
-    assert np.abs(x - np.arange(x.size) * case.spacing).max() <= 2 * case.jitter * case.spacing
+    shifts = (x / case.spacing - np.arange(x.size)) / case.jitter
+    # From an evenly spaced row, somewhere; from i Δx up to twice as far.
+    assert np.ptp(shifts) <= 2 + 1e-9
+    assert np.abs(shifts).max() <= 2 + 1e-9
     assert np.ptp(np.diff(x)) > 0
     assert volumes.min() > 0
     assert volumes.sum() == pytest.approx(length, rel=1e-13)
+
+
+def test_shifts_reach_twice_the_jitter():
+    furthest, spread = 0.0, 0.0
+    for seed in range(20):
+        case = scene(particle_count=200, positions={"jitter": 0.25, "seed": seed})
+        shifts = case.positions / case.spacing - np.arange(200)
+        furthest, spread = max(furthest, np.abs(shifts).max()), max(spread, np.ptp(shifts))
+    assert 1.8 * 0.25 < furthest <= 2 * 0.25
+    assert 1.9 * 0.25 < spread <= 2 * 0.25
 
 
 @few

@@ -10,7 +10,7 @@ if __name__ == "__main__":
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     steps = np.union1d(scene.error_steps, snakemake.params.snapshot_steps).astype(np.int64)
-    foretold = stability.foretell(scene)
+    predicted = stability.predict(scene)
     dataset.write(
         snakemake.output[0],
         sph.solve(scene, steps) | {"error_sample": np.isin(steps, scene.error_steps)},
@@ -18,5 +18,5 @@ if __name__ == "__main__":
         settings={"scene": name, **physics},
         code=snakemake.params.code,
         job=given,
-        attributes=foretold,
+        attributes=predicted,
     )
