@@ -12,14 +12,18 @@ Nodes are evenly spaced always. To particles that are not, velocity and strain a
 splines, of which the error falls as Δx⁴ where the solution is smooth.
 """
 
-from dataclasses import replace
-
 import numpy as np
 
 from sphpod.compiled import compiled
 from sphpod.error import FIELDS, relative_error
-from sphpod.scene import Scene
+from sphpod.scene import ABSENT, Scene
 from sphpod.stability import Breakdown
+
+CELL_PARTS = 8
+"""Parts of a cell whose midpoints give its mean; a jump between two of them is located."""
+
+JUMP = 1e-3
+"""Change from one midpoint to the next, of the largest value, from which it is taken for a jump."""
 
 
 def solve_paper(scene: Scene) -> dict[str, np.ndarray]:
@@ -77,33 +81,30 @@ def solve_centred(scene: Scene, estimate_error: bool = True) -> dict[str, np.nda
 
 def _solve(scene, refinement, shift):
     """``refinement`` nodes per particle; strain and its material at x_j - ``shift`` Δx_r."""
-    if not scene.is_even:
-        even = replace(scene, jitter=0.0)
-        return _to_particles(scene, even, _solve(even, refinement, shift))
     spacing, dt = scene.spacing / refinement, scene.time_step / refinement
     nodes = np.arange(refinement * scene.particle_count) * spacing
     between = (nodes - shift * spacing) % scene.domain_length
     steps = refinement * scene.error_steps
     # The midpoint rule samples the force at the start and in the middle of a step.
     amplitude, profile = scene.force_values(np.arange(2 * steps[-1]) * (dt / 2), nodes)
-    density0 = scene.initial_density(x=between)
+    damping, inertia = scene.damping_values(nodes), scene.initial_density(x=nodes)
+    modulus, density0 = scene.youngs_modulus(x=between), scene.initial_density(x=between)
+    compliance = ABSENT
+    if shift:
+        inertia, modulus, damping, profile = _cell_means(scene, nodes.size)
+        compliance = _compliance(scene)
     velocity = np.empty((steps.size, scene.particle_count))
     density = np.empty_like(velocity)
-    inertia = scene.initial_density(x=nodes)
-    material = (
-        scene.youngs_modulus(x=between),
-        density0,
-        1 / (density0 * spacing),
-        1 / (inertia * spacing),
-    )
-    forces = scene.damping_values(nodes), amplitude, profile
+    material = modulus, density0, 1 / (density0 * spacing), 1 / (inertia * spacing)
+    forces = damping, amplitude, profile
     state = np.zeros((7, nodes.size + 1))
     state[0, 1:] = scene.initial_velocity(x=nodes)
     state[0, 0] = state[0, -1]
     state[1, :-1] = density0
-    left_weight = 1.0 if shift == 0 else 0.5
+    places = scene.positions / spacing
+    readers = *_reader(places, nodes.size), *_reader(places + shift, nodes.size)
     failed = march(
-        state, material, forces, scene.density0(), left_weight, dt, steps, velocity, density
+        state, material, forces, readers, scene.density0(), compliance, dt, steps, velocity, density
     )
     if failed >= 0:
         row, particle = divmod(failed, scene.particle_count)
@@ -113,20 +114,92 @@ def _solve(scene, refinement, shift):
     return {"t": scene.error_times, "x": scene.positions, "velocity": velocity, "density": density}
 
 
-def _to_particles(scene, even, solution):
-    """A solution at the particles of a scene, from one at evenly spaced ones."""
-    from scipy.interpolate import CubicSpline
+def _cell_means(scene, count):
+    """Density, modulus, damping and force of cells: what each has in all, wherever it jumps.
 
-    places = np.append(even.positions, even.domain_length)
-    strain = even.density0() / solution["density"] - 1
-    velocity, strain = (
-        CubicSpline(places, np.column_stack([f, f[:, 0]]), axis=1, bc_type="periodic")(
-            scene.positions
-        )
-        for f in (solution["velocity"], strain)
+    Sampled at a point, a jump would move by up to half a cell, on every grid otherwise, and no
+    error would fall regularly with the spacing. Masses and compliances add up, and so do the
+    momenta that damping and force take and give: of cells about the nodes, but the modulus of
+    those to the left of them.
+    """
+
+    def per_mass(values, x):
+        return scene.initial_density(x=x) * values
+
+    inertia = _means(lambda x: scene.initial_density(x=x), scene, count)
+    modulus = 1 / _means(lambda x: 1 / scene.youngs_modulus(x=x), scene, count, to_the_left=True)
+    damping, profile = ABSENT, ABSENT
+    if scene.damping_values(_subcells(scene, count)).size:
+        damping = _means(lambda x: per_mass(scene.damping(x=x), x), scene, count) / inertia
+    if scene.force_time is not None:
+        none = np.zeros(1)
+        profile = _means(lambda x: per_mass(scene.force_values(none, x)[1], x), scene, count)
+        profile /= inertia
+    return inertia, modulus, damping, profile
+
+
+def _subcells(scene, count):
+    """Midpoints of the parts of ``count`` cells [m]."""
+    parts = count * CELL_PARTS
+    return (np.arange(parts) + 0.5) * (scene.domain_length / parts)
+
+
+def _means(function, scene, count, to_the_left=False):
+    """Means of a function over cells about the nodes, or over those to the left of them.
+
+    The midpoint rule on parts of the cells; what changes much from one midpoint to the next is
+    taken to jump, at a place that is found by bisection.
+    """
+    x = _subcells(scene, count)
+    width = scene.domain_length / x.size
+    values = function(x)
+    after = np.roll(values, -1)
+    # Part of the way to the next midpoint that has the value of this one.
+    part = np.full(x.size, 0.5)
+    steep = np.flatnonzero(np.abs(after - values) > JUMP * np.abs(values).max())
+    if steep.size:
+        low, high = np.zeros(steep.size), np.ones(steep.size)
+        for _ in range(30):
+            middle = (low + high) / 2
+            there = function((x[steep] + width * middle) % scene.domain_length)
+            here = np.abs(there - values[steep]) < np.abs(there - after[steep])
+            low, high = np.where(here, middle, low), np.where(here, high, middle)
+        part[steep] = low
+    first = values * np.minimum(part, 0.5) + after * np.maximum(0.5 - part, 0)
+    second = values * np.maximum(part - 0.5, 0) + after * np.minimum(1 - part, 0.5)
+    of_parts = first + np.roll(second, 1)
+    shift = CELL_PARTS if to_the_left else CELL_PARTS // 2
+    return np.roll(of_parts, shift).reshape(count, CELL_PARTS).mean(axis=1)
+
+
+def _compliance(scene):
+    """1/c at the particles [1/Pa]; the mean of both sides where the modulus jumps at one."""
+    aside = 1e-9 * scene.spacing
+    left, right = (
+        1 / scene.youngs_modulus(x=(scene.positions + way) % scene.domain_length)
+        for way in (-aside, aside)
     )
-    density = scene.density0() / (1 + strain)
-    return {"t": solution["t"], "x": scene.positions, "velocity": velocity, "density": density}
+    return (left + right) / 2
+
+
+def _reader(places, count):
+    """Indices and weights (N, 4) of the cubic through the four nodes about each place.
+
+    A place that is a node has that node's weight alone.
+    """
+    first = np.floor(places + 1e-9).astype(np.int64)
+    t = places - first
+    t = np.where(np.abs(t) < 1e-8, 0.0, t)
+    weights = np.stack(
+        [
+            -t * (t - 1) * (t - 2) / 6,
+            (t + 1) * (t - 1) * (t - 2) / 2,
+            -(t + 1) * t * (t - 2) / 2,
+            (t + 1) * t * (t - 1) / 6,
+        ],
+        axis=1,
+    )
+    return (first[:, None] + np.arange(-1, 3)) % count, weights
 
 
 @compiled
@@ -157,15 +230,19 @@ def stage(old, base, new, stress, material, forces, sample, dt):
 
 
 @compiled
-def march(state, material, forces, particle_density0, left_weight, dt, steps, velocity, density):
-    """Midpoint rule; keeps velocity and averaged density at the particles.
+def march(
+    state, material, forces, readers, particle_density0, compliance, dt, steps, velocity, density
+):  # fmt: skip
+    """Midpoint rule; keeps velocity and density at the particles.
 
     ``state`` holds velocity and density, old, in the middle of a step and new, and the stress.
+    What is read of the strain is the stress, which no jump of the material interrupts, times the
+    compliance at the particle; without compliances it is the density of the nodes.
     """
     old, middle, new = (state[0], state[1]), (state[2], state[3]), (state[4], state[5])
-    stress, density0 = state[6], material[1]
+    stress, modulus, density0 = state[6], material[0], material[1]
+    nodes, node_weights, cells, cell_weights = readers
     count = velocity.shape[1]
-    refinement = density0.size // count
     done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
@@ -175,11 +252,21 @@ def march(state, material, forces, particle_density0, left_weight, dt, steps, ve
         done = steps[row]
         v, rho = old
         for i in range(count):
-            j = refinement * i
-            left, right = density0[j] / rho[j], density0[j + 1] / rho[j + 1]
-            jacobian = left_weight * left + (1.0 - left_weight) * right
-            velocity[row, i] = v[j + 1]
+            speed, jacobian, sound = 0.0, 0.0, True
+            for n in range(4):
+                j = cells[i, n]
+                here = density0[j] / rho[j]
+                speed += node_weights[i, n] * v[nodes[i, n] + 1]
+                weight = cell_weights[i, n]
+                sound = sound and (weight == 0 or here > 0)
+                if compliance.size:
+                    jacobian += weight * compliance[i] * modulus[j] * (here - 1.0)
+                else:
+                    jacobian += weight * here
+            if compliance.size:
+                jacobian += 1.0
+            velocity[row, i] = speed
             density[row, i] = particle_density0[i] / jacobian
-            if not (left > 0 and right > 0 and abs(v[j + 1]) < np.inf and jacobian < np.inf):
+            if not (sound and jacobian > 0 and abs(speed) < np.inf and jacobian < np.inf):
                 return row * count + i
     return -1
