@@ -8,16 +8,32 @@ With nodes x_j = j Δx_r, Δx_r = Δx/2, and the stress s = c (ρ0/ρ - 1):
 in time the midpoint rule with Δt/2 (section 3: "first-order finite difference method in space",
 "second-order Runge-Kutta scheme in time").
 
-Nodes are evenly spaced always. To particles that are not, velocity and strain are brought by cubic
-splines, of which the error falls as Δx⁴ where the solution is smooth.
+Nodes are evenly spaced always. At particles that are not, the solution is read by cubics through
+the nodes about them, of which the error falls as Δx⁴ where the solution is smooth.
 """
+
+import logging
 
 import numpy as np
 
 from sphpod.compiled import compiled
-from sphpod.error import FIELDS, relative_error
+from sphpod.error import FIELDS
 from sphpod.scene import ABSENT, Scene
 from sphpod.stability import Breakdown
+
+logger = logging.getLogger(__name__)
+
+SAFETY = 1.65
+"""Factor of safety of an estimated error, as Roache's grid convergence index has one."""
+
+ORDERS = 0.15, 2.5
+"""Orders that errors may show: from 1/3, of a jump of the velocity, to 2, and some way beyond."""
+
+PARALLEL = 0.12
+"""Least 1 - c by which errors on successive grids turn, for each order that they miss of 2."""
+
+COSINE_TOLERANCE = 0.05
+"""How far a cosine may lie beyond what it should be, as no three grids are quite regular."""
 
 CELL_PARTS = 8
 """Parts of a cell whose midpoints give its mean; a jump between two of them is located."""
@@ -49,21 +65,24 @@ def solve_paper(scene: Scene) -> dict[str, np.ndarray]:
 def solve_centred(scene: Scene, estimate_error: bool = True) -> dict[str, np.ndarray]:
     """Second-order reference: the strain between the nodes sees the material there.
 
-    The Jacobians on either side of a particle are averaged to give its density. There are four
-    nodes per particle and steps of Δt/4. A third of the difference from the solution with two nodes
-    and Δt/2 estimates the error (Richardson); a scene with an exact solution does not need that.
+    There are four nodes per particle and steps of Δt/4. Density comes from the stress about a
+    particle, which is continuous wherever the material jumps, and material, damping and force are
+    means of cells. Solutions with two nodes and one node per particle show the order that errors
+    fall with, and estimate the error (`richardson`).
 
     Parameters
     ----------
     scene : Scene
     estimate_error : bool
-        Whether to solve with two nodes per particle too, and to estimate the error.
+        Whether to solve on the two coarser grids too, and to estimate the error.
 
     Returns
     -------
     dict
-        As ``solve_paper``, and velocity_error_estimate, density_error_estimate (scalars, relative
-        L2 norms) if asked for.
+        As ``solve_paper``; and if asked for velocity_error_estimate, density_error_estimate
+        (relative L2 norms, `SAFETY` included), velocity_observed_order, density_observed_order, and
+        asymptotic: 1, or 0 if the three grids are not in the asymptotic range, the estimates then
+        being NaN, as the log tells; scalars.
 
     Raises
     ------
@@ -71,12 +90,74 @@ def solve_centred(scene: Scene, estimate_error: bool = True) -> dict[str, np.nda
         The solution became non-finite or its density stopped being positive.
     """
     fine = _solve(scene, 4, 0.5)
-    if estimate_error:
-        coarse = _solve(scene, 2, 0.5)
-        for field in FIELDS:
-            estimate = relative_error(coarse[field], fine[field]) / 3
-            fine[f"{field}_error_estimate"] = np.array(estimate)
+    if not estimate_error:
+        return fine
+    try:
+        coarser = [_solve(scene, refinement, 0.5) for refinement in (2, 1)]
+        found = [richardson(fine[field], *(c[field] for c in coarser)) for field in FIELDS]
+    except Breakdown:
+        found = [(np.nan, np.nan)] * len(FIELDS)
+    # Grids that are too coarse for one field are so for the other.
+    asymptotic = not any(np.isnan(estimate) for estimate, _ in found)
+    for field, (estimate, order) in zip(FIELDS, found, strict=True):
+        fine[f"{field}_error_estimate"] = np.array(estimate if asymptotic else np.nan)
+        fine[f"{field}_observed_order"] = np.array(order)
+    fine["asymptotic"] = np.array(asymptotic, np.int8)
+    if not asymptotic:
+        logger.warning(
+            "scene %s: reference centred: its error is not estimated, as the errors of velocity and"
+            " density with one, two and four nodes per particle do not fall regularly (observed"
+            " orders %.2g and %.2g): more particles are needed",
+            scene.name, *(order for _, order in found),
+        )  # fmt: skip
     return fine
+
+
+def richardson(fine: np.ndarray, middle: np.ndarray, coarse: np.ndarray) -> tuple[float, float]:
+    """Estimate an error from solutions on three grids, each twice as fine as the next.
+
+    If the errors are a, ra and r²a in size, successive solutions differ by d and rd, which shows
+    r = 2^p and so the order p. Of parallel errors d is (r - 1)a, as Richardson has it; but ripples
+    behind a front or kink have other wavelengths on every grid. With the cosine c between the
+    errors on successive grids, and c² over two levels, the squares of the differences are
+
+        d² = a² (1 + r² - 2cr),    d₁₃² = a² (1 + r⁴ - 2c²r²),
+
+    of which the ratio gives c, and then a. Orders are taken to be 2 at most.
+
+    Parameters
+    ----------
+    fine, middle, coarse : arrays, shape (times, N)
+
+    Returns
+    -------
+    estimate : float
+        `SAFETY` times a, relative to the fine solution; NaN if the grids are not in the asymptotic
+        range: errors that do not fall, or faster than the scheme can; that swing from side to side
+        (c < 0); or that are parallel without falling as smooth errors do. 0 if nothing differs.
+    order : float
+        Observed order p; NaN if nothing differs.
+    """
+    size = np.abs(fine).max()
+    first, second, over_both = (
+        float(np.linalg.norm((one - other) / (size or 1.0)))
+        for one, other in ((middle, fine), (coarse, middle), (coarse, fine))
+    )
+    if first == second == 0:
+        return 0.0, np.nan
+    with np.errstate(divide="ignore", invalid="ignore"):
+        order = float(np.log2(np.float64(second) / first))
+    if not ORDERS[0] <= order <= ORDERS[1]:
+        return np.nan, order
+    r = second / first
+    q = (over_both / first) ** 2
+    root = (q * r) ** 2 - 2 * r**2 * (q * (1 + r**2) - 1 - r**4)
+    cosine = (q * r - np.sqrt(max(root, 0.0))) / (2 * r**2)
+    if not 0 <= cosine <= 1 - PARALLEL * max(2 - order, 0.0) + COSINE_TOLERANCE:
+        return np.nan, order
+    r, cosine = min(r, 4.0), min(cosine, 1.0)
+    error = first / np.sqrt(1 + r**2 - 2 * cosine * r)
+    return SAFETY * error / float(np.linalg.norm(fine / size)), order
 
 
 def _solve(scene, refinement, shift):
@@ -87,12 +168,15 @@ def _solve(scene, refinement, shift):
     steps = refinement * scene.error_steps
     # The midpoint rule samples the force at the start and in the middle of a step.
     amplitude, profile = scene.force_values(np.arange(2 * steps[-1]) * (dt / 2), nodes)
-    damping, inertia = scene.damping_values(nodes), scene.initial_density(x=nodes)
-    modulus, density0 = scene.youngs_modulus(x=between), scene.initial_density(x=between)
-    compliance = ABSENT
+    density0 = scene.initial_density(x=between)
     if shift:
-        inertia, modulus, damping, profile = _cell_means(scene, nodes.size)
+        inertia, modulus, damping, profile, readers = _cell_means(scene, nodes.size)
         compliance = _compliance(scene)
+    else:
+        inertia, modulus = scene.initial_density(x=nodes), scene.youngs_modulus(x=between)
+        damping, compliance = scene.damping_values(nodes), ABSENT
+        reader = _reader(scene.positions / spacing, np.arange(nodes.size), nodes.size)
+        readers = *reader, *reader
     velocity = np.empty((steps.size, scene.particle_count))
     density = np.empty_like(velocity)
     material = modulus, density0, 1 / (density0 * spacing), 1 / (inertia * spacing)
@@ -101,8 +185,6 @@ def _solve(scene, refinement, shift):
     state[0, 1:] = scene.initial_velocity(x=nodes)
     state[0, 0] = state[0, -1]
     state[1, :-1] = density0
-    places = scene.positions / spacing
-    readers = *_reader(places, nodes.size), *_reader(places + shift, nodes.size)
     failed = march(
         state, material, forces, readers, scene.density0(), compliance, dt, steps, velocity, density
     )
@@ -121,55 +203,93 @@ def _cell_means(scene, count):
     error would fall regularly with the spacing. Masses and compliances add up, and so do the
     momenta that damping and force take and give: of cells about the nodes, but the modulus of
     those to the left of them.
+
+    Velocity has a kink where the modulus jumps, and stress where the density does; against the
+    compliance and against the mass up to a place they have none, and are read at the particles by
+    cubics in these.
     """
+    x = (np.arange(count * CELL_PARTS) + 0.5) * (scene.domain_length / count / CELL_PARTS)
 
-    def per_mass(values, x):
-        return scene.initial_density(x=x) * values
+    def parts(function):
+        return _means(function, x, scene.domain_length)
 
-    inertia = _means(lambda x: scene.initial_density(x=x), scene, count)
-    modulus = 1 / _means(lambda x: 1 / scene.youngs_modulus(x=x), scene, count, to_the_left=True)
-    damping, profile = ABSENT, ABSENT
-    if scene.damping_values(_subcells(scene, count)).size:
-        damping = _means(lambda x: per_mass(scene.damping(x=x), x), scene, count) / inertia
+    def about_nodes(values):
+        return np.roll(values, CELL_PARTS // 2).reshape(count, CELL_PARTS).mean(axis=1)
+
+    def per_mass(values, places):
+        return scene.initial_density(x=places) * values
+
+    masses = parts(lambda places: scene.initial_density(x=places))
+    compliances = parts(lambda places: 1 / scene.youngs_modulus(x=places))
+    inertia = about_nodes(masses)
+    modulus = 1 / np.roll(compliances.reshape(count, CELL_PARTS).mean(axis=1), 1)
+    damping, profile = scene.damping_values(x), ABSENT
+    if damping.size:
+        damping = about_nodes(parts(lambda at: per_mass(scene.damping(x=at), at))) / inertia
     if scene.force_time is not None:
-        none = np.zeros(1)
-        profile = _means(lambda x: per_mass(scene.force_values(none, x)[1], x), scene, count)
-        profile /= inertia
-    return inertia, modulus, damping, profile
+        start = np.zeros(1)
+        pushed = parts(lambda at: per_mass(scene.force_values(start, at)[1], at))
+        profile = about_nodes(pushed) / inertia
+    velocity_reader, stress_reader = (
+        _reader_across(scene, values, shift)
+        for values, shift in ((compliances, 0), (masses, CELL_PARTS // 2))
+    )
+    return inertia, modulus, damping, profile, (*velocity_reader, *stress_reader)
 
 
-def _subcells(scene, count):
-    """Midpoints of the parts of ``count`` cells [m]."""
-    parts = count * CELL_PARTS
-    return (np.arange(parts) + 0.5) * (scene.domain_length / parts)
+def _means(function, x, length):
+    """Means of a periodic function over parts of its period, of which x are the midpoints.
 
-
-def _means(function, scene, count, to_the_left=False):
-    """Means of a function over cells about the nodes, or over those to the left of them.
-
-    The midpoint rule on parts of the cells; what changes much from one midpoint to the next is
-    taken to jump, at a place that is found by bisection.
+    The midpoint rule; what changes much from one midpoint to the next is taken to jump, at a place
+    that is found by bisection.
     """
-    x = _subcells(scene, count)
-    width = scene.domain_length / x.size
+    width = length / x.size
     values = function(x)
     after = np.roll(values, -1)
     # Part of the way to the next midpoint that has the value of this one.
-    part = np.full(x.size, 0.5)
+    share = np.full(x.size, 0.5)
     steep = np.flatnonzero(np.abs(after - values) > JUMP * np.abs(values).max())
     if steep.size:
         low, high = np.zeros(steep.size), np.ones(steep.size)
         for _ in range(30):
             middle = (low + high) / 2
-            there = function((x[steep] + width * middle) % scene.domain_length)
+            there = function((x[steep] + width * middle) % length)
             here = np.abs(there - values[steep]) < np.abs(there - after[steep])
             low, high = np.where(here, middle, low), np.where(here, high, middle)
-        part[steep] = low
-    first = values * np.minimum(part, 0.5) + after * np.maximum(0.5 - part, 0)
-    second = values * np.maximum(part - 0.5, 0) + after * np.minimum(1 - part, 0.5)
-    of_parts = first + np.roll(second, 1)
-    shift = CELL_PARTS if to_the_left else CELL_PARTS // 2
-    return np.roll(of_parts, shift).reshape(count, CELL_PARTS).mean(axis=1)
+        share[steep] = low
+    first = values * np.minimum(share, 0.5) + after * np.maximum(0.5 - share, 0)
+    second = values * np.maximum(share - 0.5, 0) + after * np.minimum(1 - share, 0.5)
+    return first + np.roll(second, 1)
+
+
+def _reader_across(scene, values, shift):
+    """`_reader` in the sum of values of parts up to a place, of cells' places ``shift`` parts left.
+
+    Sums are in units of the values' mean over a part.
+    """
+    sums = np.append(0.0, np.cumsum(values / values.mean()))
+    ends = np.arange(-shift, values.size - shift, CELL_PARTS)
+    at = sums[ends % values.size] - values.size * (ends < 0)
+    width = scene.domain_length / values.size
+    return _reader(np.interp(scene.positions / width, np.arange(sums.size), sums), at, values.size)
+
+
+def _reader(places, at, period):
+    """Indices and weights (N, 4) of the cubic through what is known at the four nearest of ``at``.
+
+    Whatever is known at a place itself has all the weight there.
+    """
+    near = 1e-9 * period / at.size
+    first = np.searchsorted(at, places + near, side="right") - 1
+    index = first[:, None] + np.arange(-1, 3)
+    known = at[index % at.size] + period * (index // at.size)
+    places = np.where(np.abs(places - known[:, 1]) <= near, known[:, 1], places)
+    weights = np.ones(index.shape)
+    for n in range(4):
+        for m in range(4):
+            if m != n:
+                weights[:, n] *= (places - known[:, m]) / (known[:, n] - known[:, m])
+    return index % at.size, weights
 
 
 def _compliance(scene):
@@ -180,26 +300,6 @@ def _compliance(scene):
         for way in (-aside, aside)
     )
     return (left + right) / 2
-
-
-def _reader(places, count):
-    """Indices and weights (N, 4) of the cubic through the four nodes about each place.
-
-    A place that is a node has that node's weight alone.
-    """
-    first = np.floor(places + 1e-9).astype(np.int64)
-    t = places - first
-    t = np.where(np.abs(t) < 1e-8, 0.0, t)
-    weights = np.stack(
-        [
-            -t * (t - 1) * (t - 2) / 6,
-            (t + 1) * (t - 1) * (t - 2) / 2,
-            -(t + 1) * t * (t - 2) / 2,
-            (t + 1) * t * (t - 1) / 6,
-        ],
-        axis=1,
-    )
-    return (first[:, None] + np.arange(-1, 3)) % count, weights
 
 
 @compiled
