@@ -78,7 +78,7 @@ def test_jumps_are_told_with_their_place(profile, place, jump, caplog):
 
 def test_jumps_are_found_where_they_are():
     def profile(x):
-        return np.sin(2 * np.pi * x / 3) + np.where((0.7 < x) & (x < 1.9), 0.2, 0)
+        return np.sin(2 * np.pi * x / 3) + np.where((x > 0.7) & (x < 1.9), 0.2, 0)
 
     found = resolution.jumps(profile, 3.0, 1000, 1e-2)
     assert [place for place, _ in found] == pytest.approx([0.7, 1.9], abs=1e-11)
