@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scenes import VARIED, scene
 
 from sphpod import detection, lifted, sph
+from sphpod.stability import Breakdown
 
 SETTINGS = {
     "plain": {},
@@ -31,18 +32,44 @@ def first_broken(velocity, jacobian):
     return int(np.argmax(broken)) if broken.any() else -1
 
 
+def in_rows(found, case, stride):
+    """A flat index of all steps as one of every so many: the row that was to be kept next."""
+    step, particle = divmod(found, case.particle_count)
+    return found if found < 0 else -(-step // stride) * case.particle_count + particle
+
+
 @each
 @pytest.mark.parametrize("neighbours", ["stencil", "lists"])
 @settings(deadline=None, max_examples=15)
-@given(speed=st.floats(0.05, 3))
-def test_full_sph_is_watched_as_by_brute_force(neighbours, changes, speed):
+@given(speed=st.floats(0.05, 3), stride=st.sampled_from([1, 10, 100, 1000]))
+def test_full_sph_is_watched_as_by_brute_force(neighbours, changes, speed, stride):
+    """Whatever is kept, every step counts."""
     case = struck(speed, changes)
     if neighbours == "stencil" and not case.is_even:
         return
-    kept = np.full((2, case.error_times.size, case.particle_count), np.nan)
-    assert sph.prepare(case, case.error_steps, neighbours)(*kept, watch=False) == -1
-    expected = first_broken(kept[0], case.density0() / kept[1])
-    assert sph.prepare(case, case.error_steps, neighbours)(*kept.copy()) == expected
+    steps = np.arange(case.step_count + 1)
+    every = np.full((2, steps.size, case.particle_count), np.nan)
+    assert sph.prepare(case, steps, neighbours)(*every, watch=False) == -1
+    expected = first_broken(every[0], case.density0() / every[1])
+    kept = np.full((2, steps[::stride].size, case.particle_count), np.nan)
+    found = sph.prepare(case, steps[::stride], neighbours)(*kept)
+    assert found == in_rows(expected, case, stride)
+    if found >= 0:
+        row, step = found // case.particle_count, expected // case.particle_count
+        np.testing.assert_array_equal(kept[:, :row], every[:, : row * stride : stride])
+        np.testing.assert_array_equal(kept[:, row], every[:, step])
+
+
+def test_full_sph_does_not_fold_between_outputs():
+    """Of one run, kept at every step, at a few and at the ends alone."""
+    case = scene("struck", duration=3, initial_velocity="0.35*sin(2*pi*x/L)", time_step=2e-3)
+    times = []
+    for stride in (1, 5, case.step_count):
+        with pytest.raises(Breakdown) as caught:
+            sph.solve(case, np.arange(0, case.step_count + 1, stride))
+        times.append(caught.value.time)
+    assert times[0] <= times[1] <= times[0] + 4.01 * case.time_step
+    assert times[2] == case.duration
 
 
 @each
