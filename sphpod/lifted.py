@@ -26,7 +26,7 @@ from sphpod.kernel import stencil_weights
 from sphpod.propagator import prepare as prepare_jumps
 from sphpod.scene import ABSENT, Scene, derivative_matrix
 from sphpod.sph import SOUND, State, fastest_change, sound_steps, wrap
-from sphpod.stability import Breakdown, fastest_wave, warn_of_step
+from sphpod.stability import RESOLVED, Breakdown, fastest_wave, warn_of_step
 
 FIXED_STEP = ("explicit_euler", "symplectic_euler", "leapfrog")
 ADAPTIVE = ("rk45", "dop853")
@@ -35,9 +35,6 @@ INTEGRATORS = (*FIXED_STEP, *ADAPTIVE, "exact")
 
 NO_LISTS = np.zeros(0, np.uint64), np.zeros(0, np.uint64), ABSENT
 """Stands for the neighbour lists that evenly spaced particles do not need."""
-
-RESOLVED = 0.25
-"""Angle [rad] of the fastest wave that outputs may be apart to show every fold."""
 
 FIELDS_AT_ONCE = 64
 """Fields that are transformed together; few enough for the processor's cache."""

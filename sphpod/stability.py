@@ -21,6 +21,13 @@ REPORTED_GROWTH = 1.01
 """Growth of the solution's own energy from which the log tells of it."""
 
 
+RESOLVED = 0.25
+"""Angle [rad] of the fastest wave that outputs may be apart to show a fold of the line.
+
+Between them a strain differs from what they show by less than a hundredth of its amplitude.
+"""
+
+
 class Breakdown(ArithmeticError):
     """A solution became non-finite, or its Jacobian J = ρ0/ρ stopped being positive."""
 
