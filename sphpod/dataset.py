@@ -80,7 +80,10 @@ def _fields() -> dict[str, Variable]:
                 ("solution", "reference"), "1", f"{error} of a solution against a reference"
             ),
             f"{field}_error_estimate": Variable(
-                (), "1", f"estimated {error}, by Richardson's extrapolation"
+                (), "1", f"estimated {error}, from three grids, factor of safety included"
+            ),
+            f"{field}_observed_order": Variable(
+                (), "1", f"order by which the error of the {meaning} falls from grid to grid"
             ),
             f"{field}_error_sph": Variable(
                 ("mode_count",), "1", f"{error} of the reduced model against full SPH"
@@ -108,6 +111,9 @@ VARIABLES = _fields() | {
     "x": Variable(("x",), "m", "position of the particles at rest"),
     "error_sample": Variable(
         ("t",), "1", "1 where the time belongs to the error integral", np.int8
+    ),
+    "asymptotic": Variable(
+        (), "1", "1 where three grids allow an estimate of the error, 0 where it is NaN", np.int8
     ),
     "solution": Variable(("solution",), "", "solution whose error is given", str),
     "reference": Variable(("reference",), "", "solution that the error is taken against", str),

@@ -22,6 +22,7 @@ and jumps of v0 where they belong. A uniform force adds the same velocity everyw
 the force of a mode do is integrated by `sphpod.propagator`, wherever in time the force jumps.
 """
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -30,6 +31,7 @@ from numpy.polynomial import chebyshev
 
 from sphpod import propagator
 from sphpod.kernel import derivative_coefficient
+from sphpod.resolution import jumps
 from sphpod.scene import Scene
 from sphpod.stability import Breakdown
 
@@ -44,6 +46,18 @@ MODE_LIMIT = 4096
 
 MODES_AT_ONCE = 256
 """Forced modes that are carried together, which bounds the memory."""
+
+LARGEST_ROUNDING = 1e-6
+"""Rounding error of strains up to which the solution of two layers is taken for exact."""
+
+SHORTEST = 6e-6
+"""Distance in spacings at which a mean slope is as wrong by rounding as by v0's third derivative.
+
+Either is 4e-11 of what v0 and its third derivative are over a spacing.
+"""
+
+FOLD_POINTS = 2048
+"""Points of the line, and times of its motion, at which folding is looked for without a proof."""
 
 
 def kind(scene: Scene) -> str | None:
@@ -67,7 +81,12 @@ def kind(scene: Scene) -> str | None:
             return "dalembert"
         uniform = not damping.size or _uniform(damping)
         return "fourier" if uniform and scene.is_even else None
-    return "two_layer" if simple and _jumps(density, modulus) is not None else None
+    if not simple or _jumps(density, modulus) is None:
+        return None
+    # Signals that differ by rounding would be told for strains where waves are so slow.
+    slowest = np.min(np.sqrt(modulus) / np.sqrt(density))
+    rounding = np.finfo(float).eps * np.abs(scene.initial_velocity(x=x)).max()
+    return "two_layer" if rounding <= LARGEST_ROUNDING * slowest else None
 
 
 def solve(scene: Scene) -> dict[str, np.ndarray]:
@@ -87,7 +106,8 @@ def solve(scene: Scene) -> dict[str, np.ndarray]:
     ValueError
         No exact solution of the scene is known.
     Breakdown
-        The line folds over itself: the Jacobian ρ0/ρ is not positive somewhere.
+        The line folds over itself: the Jacobian ρ0/ρ is not positive somewhere, at any x and time
+        up to T, between particles and outputs too (see `_first_fold`).
     """
     solution = {"dalembert": _travelling_waves, "fourier": _modes, "two_layer": _scattered_waves}
     found = kind(scene)
@@ -96,7 +116,7 @@ def solve(scene: Scene) -> dict[str, np.ndarray]:
             f"scene {scene.name}: no exact solution is known; one needs uniform density, modulus "
             "and damping, or two layers without damping and with a uniform force at most"
         )
-    return _evaluate(scene, solution[found], "the exact solution")
+    return _evaluate(scene, solution[found], _first_fold(scene, found), "the exact solution")
 
 
 def solve_modified(scene: Scene) -> dict[str, np.ndarray]:
@@ -123,16 +143,23 @@ def solve_modified(scene: Scene) -> dict[str, np.ndarray]:
     return _evaluate(
         scene,
         lambda scene, blocks: _travelling_waves(scene, blocks, beta),
+        _fold_of_waves(scene, beta),
         "the modified reference",
     )
 
 
-def _evaluate(scene, solution, name):
+def _evaluate(scene, solution, fold, name):
     """Fill velocity and density, and add the velocity of a uniform force.
 
-    ``solution(scene, blocks)`` yields velocity and strain, (times, N), for each block of times.
+    ``solution(scene, blocks)`` yields velocity and strain, (times, N), for each block of times;
+    ``fold`` is the time and place at which the line first folds, or None.
     """
     times, x, density0 = scene.error_times, scene.positions, scene.density0()
+    if fold is not None:
+        at, place = fold
+        beside = np.abs(x - place)
+        particle = np.minimum(beside, scene.domain_length - beside).argmin()
+        raise Breakdown(scene.name, name, at, int(particle))
     velocity = np.empty((times.size, x.size))
     density = np.empty_like(velocity)
     rows = max(1, min(256, BLOCK // x.size))
@@ -141,13 +168,17 @@ def _evaluate(scene, solution, name):
     for block, (block_velocity, strain) in zip(blocks, solution(scene, blocks), strict=True):
         if rigid is not None:
             block_velocity = block_velocity + rigid[block, None]
-        broken = ~(np.isfinite(block_velocity) & (strain > -1) & (strain < np.inf))
+        broken = _broken(block_velocity, strain)
         if broken.any():
             row, particle = np.argwhere(broken)[0]
             raise Breakdown(scene.name, name, times[block][row], particle)
         velocity[block] = block_velocity
         density[block] = density0 / (1 + strain)
     return {"t": times, "x": x, "velocity": velocity, "density": density}
+
+
+def _broken(velocity, strain):
+    return ~(np.isfinite(velocity) & (strain > -1) & (strain < np.inf))
 
 
 # --- What kind of scene it is ---------------------------------------------------------------------
@@ -196,7 +227,10 @@ def _jumps(density, modulus):
 
 def _wave_speed(scene):
     """Speed s = √(c/ρ0) of waves in uniform material [m/s]."""
-    return np.sqrt(_bulk(scene, scene.youngs_modulus) / _bulk(scene, scene.initial_density))
+    # The quotient of the roots is a number where that of extreme c and ρ0 is none.
+    return np.sqrt(_bulk(scene, scene.youngs_modulus)) / np.sqrt(
+        _bulk(scene, scene.initial_density)
+    )
 
 
 def _uniform_damping(scene):
@@ -207,14 +241,23 @@ def _uniform_damping(scene):
 def _travelling_waves(scene, blocks, beta=1.0):
     """d'Alembert: v = [v0(x - st) + v0(x + st)]/2, e = [v0(x + st) - v0(x - st)]/2s.
 
-    With β the waves travel at βs while the strain keeps its 1/2s.
+    With β the waves travel at βs while the strain keeps its 1/2s. It is β t times the mean slope of
+    v0 over 2βst; where this is so short that only rounding would be left of the difference, the
+    mean slope over 2 `SHORTEST` spacings is taken, from which it differs as little.
     """
     speed = _wave_speed(scene)
     shifted = _shifted_profile(scene)
+    shortest = SHORTEST * scene.spacing
+    around = np.array([shortest])
+    slope = (shifted(around) - shifted(-around)) / (2 * shortest)
     for block in blocks:
-        distance = beta * speed * scene.error_times[block]
+        times = scene.error_times[block]
+        distance = beta * speed * times
         ahead, behind = shifted(distance), shifted(-distance)
-        yield (behind + ahead) / 2, (ahead - behind) / (2 * speed)
+        short = (distance < shortest)[:, None]
+        with np.errstate(over="ignore"):
+            strain = np.where(short, beta * times[:, None] * slope, (ahead - behind) / (2 * speed))
+        yield (behind + ahead) / 2, strain
 
 
 def _shifted_profile(scene):
@@ -399,6 +442,188 @@ def _synthesis(amplitude, count):
     return 2 * count * np.fft.ifft(folded, axis=1).real
 
 
+# --- Folding --------------------------------------------------------------------------------------
+
+
+def _first_fold(scene, found):
+    """Time and place at which the line first folds, e ≤ -1, between outputs and particles too.
+
+    Strain is the difference of two travelling signals. Of undamped waves they are known functions,
+    and all pairs that meet by T are looked through, on a grid as fine as `_fine_grid`.
+
+    With damping d and an uneven force f(t) F(x) the signals v ∓ se obey r' = -d (r + l)/2 + fF,
+    l' alike, along their paths, so that the larger of |r| and |l| grows by |f| |F| at most; and
+    velocities that are everywhere the same strain nothing. So
+
+        |e| ≤ (max v0 - min v0 + (max F - min F) ∫|f| dt)/2s,
+
+    below one of which nothing folds any more, from any time on. Until then the solution is looked
+    at on `FOLD_POINTS` points of the line or more, at times between which waves pass from one to
+    the next at most.
+
+    Returns
+    -------
+    (time, x) or None
+    """
+    if found == "dalembert":
+        return _fold_of_waves(scene)
+    if found == "two_layer":
+        return _fold_of_layers(scene)
+    x, speed, impulse = _fine_grid(scene), _wave_speed(scene), np.zeros(1)
+    if not _evenly_forced(scene):
+        points, weights = _quadrature(scene, 0.0)
+        force = np.abs(scene.force_time(t=scene.error_times[:-1, None, None] + points))
+        impulse = np.append(0.0, np.cumsum(np.sum(force * weights, axis=(1, 2))))
+        impulse *= np.ptp(scene.force_profile(x=x))
+
+    def is_calm(signals, time):
+        given = np.interp(time, np.arange(impulse.size) * scene.error_interval, impulse)
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.ptp(signals) + impulse[-1] - given < 0.99 * 2 * speed
+
+    if is_calm(scene.initial_velocity(x=x), 0.0):
+        return None
+    fine = _finer(scene)
+    times = fine.error_times
+    rows = max(1, BLOCK // fine.particle_count)
+    blocks = [slice(first, first + rows) for first in range(0, times.size, rows)]
+    for block, (velocity, strain) in zip(blocks, _modes(fine, blocks), strict=True):
+        broken = _broken(velocity, strain)
+        if broken.any():
+            row, point = np.argwhere(broken)[0]
+            return times[block][row], fine.positions[point]
+        signals = [velocity[-1] + speed * strain[-1], velocity[-1] - speed * strain[-1]]
+        if is_calm(signals, times[block][-1]):
+            return None
+    return None
+
+
+def _finer(scene):
+    """The scene with points and outputs between its own, at which folding is looked for."""
+    points = -(-FOLD_POINTS // scene.particle_count) * scene.particle_count
+    longest = min(scene.domain_length / points / _wave_speed(scene), scene.duration / FOLD_POINTS)
+    interval = scene.error_interval / np.ceil(scene.error_interval / longest)
+    return replace(scene, particle_count=points, time_step=interval, error_interval=interval)
+
+
+def _fold_of_waves(scene, beta=1.0):
+    """First fold of d'Alembert's waves: of v0 at two places, as far apart as waves go in 2t.
+
+    Between the points of the grid v0 is taken to be linear. Where it jumps down by 2s or more, the
+    line folds at once.
+    """
+    x = _fine_grid(scene)
+    v0, spacing, speed = scene.initial_velocity(x=x), x[1] - x[0], _wave_speed(scene)
+    with np.errstate(over="ignore"):
+        if not np.isfinite(v0).all() or np.ptp(v0) < 0.99 * 2 * speed:
+            return None
+    largest = np.abs(v0).max()
+    found = jumps(
+        lambda x: scene.initial_velocity(x=x) / largest,
+        scene.domain_length,
+        x.size,
+        max(2 * speed / largest, 1e-9),
+    )
+    for place, jump in found:
+        if jump < 0:
+            return 0.0, place
+    lowest = _range_minima(np.tile(v0, 2))
+    here = np.arange(x.size)
+
+    def deepest(time):
+        """Least strain up to a time, and where it is."""
+        reach = 2 * beta * speed * time / spacing
+        whole = int(min(reach, x.size))
+        part = min(reach, x.size) - whole
+        far, next_far = v0[(here + whole) % x.size], v0[(here + whole + 1) % x.size]
+        near = v0[(here + 1) % x.size]
+        # Pairs of points, and points with the places that waves have just reached.
+        differences = np.stack(
+            [
+                lowest(here, here + whole) - v0,
+                part * (next_far - far) + (far - v0),
+                (next_far - near) + part * (near - v0),
+            ]
+        )
+        least = divmod(int(differences.argmin()), x.size)
+        with np.errstate(over="ignore"):
+            return differences[least] / (2 * speed), x[least[1]] + beta * speed * time
+
+    return _bisect_fold(deepest, scene)
+
+
+def _fold_of_layers(scene):
+    """First fold between two layers: of the two signals of a layer that meet in it.
+
+    With those that arrive at its ends at the times p and q, e = Z (l(q) - r(p))/2c at the time
+    (p + q - τ)/2; both are looked up as finely as waves pass the points of `_fine_grid`.
+    """
+    left, width, speed, impedance, modulus = _layers(scene)
+    arriving = _arriving_signals(scene, left, width, speed, impedance)
+    grid = _fine_grid(scene).size
+    folds = []
+    for j in (0, 1):
+        crossing = width[j] / speed[j]
+        count = int(np.ceil(grid * (scene.duration + crossing) * speed[j] / scene.domain_length))
+        step = (scene.duration + crossing) / count
+        times = (np.arange(count) + 0.5) * step
+        right, leftward = (arriving(times, layer=j, sense=sense) for sense in (0, 1))
+        factor = impedance[j] / (2 * modulus[j])
+        if (leftward.min() - right.max()) * factor > -0.99:
+            continue
+        lowest = _range_minima(leftward)
+
+        def deepest(time, j=j, times=times, step=step, right=right, lowest=lowest, factor=factor):
+            crossing = width[j] / speed[j]
+            low = np.maximum(times - crossing, crossing - times)
+            high = np.minimum(times + crossing, 2 * time + crossing - times)
+            first = np.clip(np.ceil(low / step - 0.5), 0, times.size - 1).astype(int)
+            last = np.minimum(np.floor(high / step - 0.5), times.size - 1).astype(int)
+            met = np.flatnonzero(last >= first)
+            if not met.size:
+                return 0.0, left[j]
+            strains = factor * (lowest(first[met], last[met]) - right[met])
+            least = int(strains.argmin())
+            # The right-going signal has (p - t) speed still to go to the layer's end.
+            to_go = np.clip((times[met[least]] - time) * speed[j], 0, width[j])
+            return strains[least], left[j] + width[j] - to_go
+
+        folds.append(_bisect_fold(deepest, scene))
+    return min((fold for fold in folds if fold is not None), default=None)
+
+
+def _bisect_fold(deepest, scene):
+    """First time at which the least strain so far is -1, and its place; None if it is not by T."""
+    low, high = 0.0, scene.duration
+    strain, place = deepest(high)
+    if not strain <= -1:
+        return None
+    for _ in range(50):
+        middle = (low + high) / 2
+        strain, where = deepest(middle)
+        low, high, place = (low, middle, where) if strain <= -1 else (middle, high, place)
+    return high, float(place % scene.domain_length)
+
+
+def _range_minima(values):
+    """Make a function of first and last indices that gives the least value of each range."""
+    tables = [values]
+    while 2 ** len(tables) <= values.size:
+        half = 2 ** (len(tables) - 1)
+        tables.append(np.minimum(tables[-1][:-half], tables[-1][half:]))
+
+    def lowest(first, last):
+        levels = np.log2(np.maximum(last - first + 1, 1)).astype(int)
+        result = np.empty(len(first))
+        for level in np.unique(levels):
+            of = levels == level
+            table = tables[level]
+            result[of] = np.minimum(table[first[of]], table[last[of] + 1 - 2**level])
+        return result
+
+    return lowest
+
+
 # --- Forces -------------------------------------------------------------------------------------
 
 
@@ -464,6 +689,18 @@ def _interface(scene, before, after):
     return before
 
 
+def _layers(scene):
+    """Left end, width [m], wave speed [m/s], impedance and modulus of each layer, (2,) each."""
+    x = _fine_grid(scene)
+    jumps = _jumps(scene.initial_density(x=x), scene.youngs_modulus(x=x))
+    left = np.array([_interface(scene, x[jump], x[jump] + x[1] - x[0]) for jump in jumps])
+    width = np.diff(left, append=left[0] + scene.domain_length)
+    centre = (left + width / 2) % scene.domain_length
+    modulus, density = scene.youngs_modulus(x=centre), scene.initial_density(x=centre)
+    speed, impedance = np.sqrt(modulus / density), np.sqrt(modulus * density)
+    return left, width, speed, impedance, modulus
+
+
 def _scattered_waves(scene, blocks):
     """Waves between two layers: each path from a particle back to t = 0 carries a piece of v0.
 
@@ -472,13 +709,7 @@ def _scattered_waves(scene, blocks):
     layer's far end a delay later; so four functions of time give the whole solution. A particle on
     an interface fills half a cell of either layer, so its strain is the mean of the two.
     """
-    x = _fine_grid(scene)
-    jumps = _jumps(scene.initial_density(x=x), scene.youngs_modulus(x=x))
-    left = np.array([_interface(scene, x[jump], x[jump] + x[1] - x[0]) for jump in jumps])
-    width = np.diff(left, append=left[0] + scene.domain_length)
-    centre = (left + width / 2) % scene.domain_length
-    modulus, density = scene.youngs_modulus(x=centre), scene.initial_density(x=centre)
-    speed, impedance = np.sqrt(modulus / density), np.sqrt(modulus * density)
+    left, width, speed, impedance, modulus = _layers(scene)
     arriving = _arriving_signals(scene, left, width, speed, impedance)
 
     times, interval = scene.error_times, scene.error_interval

@@ -16,6 +16,7 @@ and keeps second order. Kicks take damping exactly, for the force of a step that
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -27,8 +28,8 @@ from sphpod.kernel import stencil_weights
 from sphpod.propagator import TURN
 from sphpod.propagator import prepare as prepare_jumps
 from sphpod.scene import ABSENT, Scene, derivative_matrix, step_times
-from sphpod.sph import State, wrap
-from sphpod.stability import Breakdown, fastest_wave, warn_of_step
+from sphpod.sph import SOUND, State, fastest_change, sound_steps, wrap
+from sphpod.stability import RESOLVED, Breakdown, fastest_wave, warn_of_step
 
 FIXED_STEP = ("explicit_euler", "symplectic_euler", "leapfrog")
 ADAPTIVE = ("rk45", "dop853")
@@ -151,9 +152,12 @@ def prepare(
     -------
     callable
         ``run(velocity, strain)`` fills two (times, N) arrays at the times of the error integral,
-        and returns -1, or the flat index of the first kept value that is not finite or a strain
-        under which the Jacobian 1 + e is not positive. With ``watch=False`` it looks for none, by
-        which the cost of watching can be told.
+        and returns -1; or, where a value is not finite or the Jacobian 1 + e not positive, the flat
+        index of the first broken particle in the row that was to be kept next, which then holds the
+        broken state. Between outputs fixed steps are looked at as often as `sph.fastest_change`
+        asks for (leapfrog's strain in the middle of its steps), and what is exact or adaptive at
+        times a `RESOLVED` part of the fastest wave's radian apart, unless energy excludes a fold.
+        With ``watch=False`` it looks for none, by which the cost of watching can be told.
     """
     begin = start or (scene.velocity0(), np.zeros(scene.particle_count))
     if integrator in FIXED_STEP:
@@ -161,9 +165,11 @@ def prepare(
     if integrator == "exact" and not np.isfinite(begin).all():
         return _broken_from_start(begin)
     if integrator in ADAPTIVE:
-        return _adaptive(scene, integrator, tolerance, begin)
+        run = _adaptive(scene, integrator, tolerance, begin)
+        return _resolved(scene, integrator, tolerance, run)
     if integrator == "exact":
-        return (_fourier if is_uniform(scene) else _exponential)(scene, begin)
+        run = (_fourier if is_uniform(scene) else _exponential)(scene, begin)
+        return _resolved(scene, integrator, tolerance, run)
     raise ValueError(f"integrator = {integrator}: allowed are {', '.join(INTEGRATORS)}")
 
 
@@ -187,6 +193,7 @@ def _fixed_step(scene, integrator, dt, begin):
     explicit = integrator == "explicit_euler"
     density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
     amplitude, profile = _kicks(scene, integrator, dt, steps[-1])
+    pace = fastest_change(scene, dt, np.abs(amplitude).max(initial=0.0))
     # The stress c e is stepped, not the strain: a product less for each neighbour.
     stiffness = dt * modulus
     keep, gain = np.ones_like(density0), np.full_like(density0, dt)
@@ -223,7 +230,7 @@ def _fixed_step(scene, integrator, dt, begin):
         state[0], state[2] = velocity0, stress0
         return march(
             state, drift, kick, geometry, coefficients, amplitude, push, compliance, explicit, half,
-            steps, watch and not calm, velocity, strain,
+            steps, watch and not calm, pace, velocity, strain,
         )  # fmt: skip
 
     return run
@@ -360,6 +367,23 @@ def show(v, stress, compliance, watch, velocity, strain):
 
 
 @compiled
+def look(v, stress, compliance, pace):
+    """Steps in which no strain reaches one, as from `sound_steps`; 0 if the state is broken."""
+    strained, fast, doubts = 0.0, 0.0, 0
+    for i in range(compliance.size):
+        size, speed = abs(compliance[i] * stress[i]), abs(v[i])
+        strained, fast = max(strained, size), max(fast, speed)
+        doubts += not size + 0.0 * speed < SOUND
+    if doubts:
+        for i in range(compliance.size):
+            e = compliance[i] * stress[i]
+            if not (e > -1 and e < np.inf and abs(v[i]) < np.inf):
+                return 0
+        return 1
+    return sound_steps(max(strained, pace[1] * fast), pace)
+
+
+@compiled
 def first_broken(velocity, strain):
     """First value without finite state and positive 1 + e, or -1; of flat fields."""
     for i in range(strain.size):
@@ -380,7 +404,7 @@ def doubtful(velocity, strain):
 @compiled
 def march(
     state, drift, kick, geometry, coefficients, amplitude, push, compliance, explicit, half, steps,
-    watch, velocity, strain,
+    watch, pace, velocity, strain,
 ):  # fmt: skip
     """``state`` holds velocity and stress, old and new, with ghosts.
 
@@ -393,6 +417,7 @@ def march(
     inner = slice(width, width + compliance.size)
     uniform = stiffness.size == 0
     even_keep, even_push = (keep[0] if uniform else 1.0), 0.0
+    next_look = 1 if watch else np.iinfo(np.int64).max
     done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
@@ -425,6 +450,14 @@ def march(
             wrap(new_v, width)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
+            if step + 1 >= next_look:
+                sound = look(v[inner], stress[inner], compliance, pace)
+                if not sound:
+                    failed = show(
+                        v[inner], stress[inner], compliance, watch, velocity[row], strain[row]
+                    )
+                    return row * compliance.size + failed
+                next_look = step + 1 + sound
         done = steps[row]
         shown = stress
         if half and done:
@@ -461,6 +494,65 @@ def _broken_from_start(begin):
         return _watched(velocity, strain) if watch else -1
 
     return run
+
+
+def _resolved(scene, integrator, tolerance, run):
+    """A run that looks for a fold between outputs too, where they do not resolve the waves.
+
+    An interval between outputs is solved anew, with outputs within it, unless energy excludes a
+    fold: nothing but a force raises it, and a strain is at most its norm over the least √(V c).
+    """
+    count, interval = scene.particle_count, scene.error_interval
+    parts = int(np.ceil(fastest_wave(scene) * interval / RESOLVED))
+    if parts <= 1:
+        return run
+    mass, stiffness = energy_weights(scene)
+    _, profile = scene.force_values(np.zeros(1))
+    fractions = (np.arange(8 * parts) + 0.5) / (8 * parts)
+    uniform = is_uniform(scene)
+
+    def excluded(velocity, strain, time):
+        # A translation of uniform particles strains nothing.
+        waves = velocity - velocity.mean() if uniform else velocity
+        norm = np.sqrt(np.sum((mass * waves) ** 2) + np.sum((stiffness * strain) ** 2))
+        if profile.size and not (uniform and np.ptp(profile) == 0):
+            force = np.abs(scene.force_time(t=time + interval * fractions)).mean()
+            norm += interval * force * np.linalg.norm(mass * profile)
+        return norm < 0.99 * stiffness.min()
+
+    def run_and_look(velocity, strain, watch=True):
+        failed = run(velocity, strain, watch)
+        if not watch:
+            return failed
+        last = len(velocity) - 1 if failed < 0 else failed // count
+        for row in range(last):
+            time = scene.error_times[row]
+            if excluded(velocity[row], strain[row], time):
+                if profile.size:
+                    continue
+                break
+            within = replace(
+                scene,
+                duration=interval,
+                error_interval=interval / parts,
+                time_step=interval / parts,
+                force_time=_later(scene.force_time, time),
+            )
+            fields = np.empty((2, parts + 1, count))
+            start = velocity[row], strain[row]
+            found = prepare(within, integrator, tolerance=tolerance, start=start)(*fields)
+            # The end of the interval is an output, in which the run itself sees what is broken.
+            if 0 <= found < parts * count:
+                velocity[row + 1], strain[row + 1] = fields[:, found // count]
+                return (row + 1) * count + found % count
+        return failed
+
+    return run_and_look
+
+
+def _later(force_time, start):
+    """A force's course as it goes on from a time [s]."""
+    return None if force_time is None else lambda t: force_time(t=start + t)
 
 
 # --- Adaptive steps -------------------------------------------------------------------------------

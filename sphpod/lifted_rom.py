@@ -18,7 +18,7 @@ output, exactly in time (``lifted_exact``) or as explicit Euler would go (``lift
 
 import logging
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -29,7 +29,7 @@ from sphpod.pod import checked
 from sphpod.pod import modes as proper_modes
 from sphpod.propagator import Jumps
 from sphpod.scene import Scene
-from sphpod.stability import Breakdown, first_broken
+from sphpod.stability import RESOLVED, Breakdown, first_broken
 
 logger = logging.getLogger(__name__)
 
@@ -214,7 +214,8 @@ class LiftedModel:
             euler_steps,
         )
         mass, _ = lifted.energy_weights(scene)
-        return Prepared(self, jumps, back[:, :kv] @ (self.velocity_modes * mass))
+        start = back[:, :kv] @ (self.velocity_modes * mass)
+        return Prepared(self, method, jumps, start)
 
     def coordinates(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates in the modes of velocity and strain, (times, kv) and (times, ke)."""
@@ -243,6 +244,45 @@ class LiftedModel:
         if row >= 0:
             return Breakdown(scene.name, model, times[row], particle)
         return None if finite.all() else Breakdown(scene.name, model, times[last], 0)
+
+    def breakdown_between(self, state: np.ndarray, method: str) -> Breakdown | None:
+        """How a solution that is sound at its outputs broke down between them.
+
+        If they do not resolve the fastest wave, the model runs again with more of them; unless
+        energy excludes a fold: |e_i| is at most the length of all coordinates times that of the
+        particle's entries in the modes, and that length grows by the force alone, in explicit
+        Euler also by √(1 + Δt² ω² + Δt² ω d) a step.
+        """
+        scene, interval = self.scene, self.scene.error_interval
+        if not self.coupling.size:
+            return None
+        fastest = float(np.linalg.norm(self.coupling, 2))
+        parts = int(np.ceil(fastest * interval / RESOLVED))
+        if parts <= 1 or (method == "lifted_euler" and scene.error_stride == 1):
+            return None
+        growth, step = 1.0, interval / parts
+        if method == "lifted_euler":
+            stride, step = scene.error_stride, scene.time_step
+            parts = next(n for n in range(min(parts, stride), stride + 1) if stride % n == 0)
+            damping = float(scene.damping_values().max(initial=0.0)) * step
+            z = fastest * step
+            growth = (1 + z**2 + z * damping) ** (stride / 2) if damping <= 2 else np.inf
+        velocity, strain = self.coordinates(state)
+        lengths = np.hypot(np.linalg.norm(velocity, axis=1), np.linalg.norm(strain, axis=1))
+        if scene.force_time is not None:
+            fractions = (np.arange(8 * parts) + 0.5) / (8 * parts)
+            times = scene.error_times[:, None] + interval * fractions
+            force = np.abs(scene.force_time(t=times)).mean(axis=1)
+            lengths += interval * np.linalg.norm(self.force) * force
+        _, stiffness = lifted.energy_weights(scene)
+        reach = np.linalg.norm(self.strain_modes / stiffness, axis=0).max()
+        if (growth * lengths[:-1] * reach < 0.99).all():
+            return None
+        finer = replace(self, scene=replace(scene, error_interval=interval / parts, time_step=step))
+        prepared = finer.prepare(method)
+        resolved = prepared.new_state()
+        prepared.run(scene.velocity0(), resolved)
+        return finer.breakdown(resolved)
 
 
 @dataclass(frozen=True)
@@ -340,12 +380,14 @@ class Prepared:
     Attributes
     ----------
     model : LiftedModel
+    method : str
     jumps : Jumps
     start : array, shape (coordinates, N)
         Initial velocity [m/s] to own coordinates.
     """
 
     model: LiftedModel
+    method: str
     jumps: Jumps
     start: np.ndarray
 
@@ -371,7 +413,8 @@ class Prepared:
         """
         state = self.new_state()
         self.run(self.model.scene.velocity0(), state)
-        breakdown = self.model.breakdown(state)
+        model = self.model
+        breakdown = model.breakdown(state) or model.breakdown_between(state, self.method)
         if breakdown is not None:
             raise breakdown
         return state

@@ -25,7 +25,7 @@ import numpy as np
 from sphpod.compiled import compiled, compiled_sums
 from sphpod.error import FIELDS, Projection
 from sphpod.scene import ABSENT, Scene
-from sphpod.stability import Breakdown, first_broken
+from sphpod.stability import RESOLVED, Breakdown, first_broken
 
 logger = logging.getLogger(__name__)
 
@@ -167,7 +167,8 @@ class ReducedModel:
         -------
         velocity_coordinates, density_coordinates : arrays, shapes (times, kv) and (times, kρ)
         breakdown : Breakdown or None
-            The first kept time at which the model is not finite or its density not positive.
+            The first time at which the model is not finite or its density not positive: of those
+            kept, or of more between them that resolve the fastest wave (`stability.RESOLVED`).
         """
         run = self.prepare(steps)
         velocity_coordinates = np.empty((steps.size, len(self.velocity_modes)))
@@ -193,9 +194,30 @@ class ReducedModel:
     def _breakdown(self, velocity_coordinates, density_coordinates, steps):
         row, particle = self._broken(velocity_coordinates, density_coordinates)
         if row < 0:
+            steps, row, particle = self._broken_between(steps)
+        if row < 0:
             return None
         model = f"the {self.method} model with {len(self.velocity_modes)} modes"
         return Breakdown(self.scene.name, model, self.scene.times(steps)[row], particle)
+
+    def _broken_between(self, steps):
+        """Steps that resolve the fastest wave of the model at rest, and the first broken of them.
+
+        The model runs again where those that were kept do not.
+        """
+        kv, widest = len(self.velocity_modes), np.diff(steps, prepend=0).max(initial=0)
+        operator = self.operator()
+        sides = operator[:kv, kv:], operator[kv:, :kv]
+        rate = np.sqrt(np.prod([np.linalg.norm(side) for side in sides]))
+        if widest <= 1 or widest * self.scene.time_step * rate <= RESOLVED:
+            return steps, -1, -1
+        every = max(1, int(RESOLVED / (rate * self.scene.time_step)))
+        finer = np.union1d(steps, np.arange(0, steps[-1] + 1, every)).astype(np.int64)
+        coordinates = [
+            np.empty((finer.size, len(m))) for m in (self.velocity_modes, self.density_modes)
+        ]
+        self.prepare(finer)(*coordinates)
+        return finer, *self._broken(*coordinates)
 
     def _broken(self, velocity_coordinates, density_coordinates):
         """First row and particle without finite state and positive Jacobian J, or (-1, -1).

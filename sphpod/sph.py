@@ -15,6 +15,9 @@ from sphpod.kernel import stencil_weights
 from sphpod.scene import Scene
 from sphpod.stability import Breakdown
 
+SOUND = 0.5
+"""Size of strains that is far enough from folding for a bound of what follows."""
+
 State = tuple[np.ndarray, np.ndarray]
 """Two fields (N,): velocity [m/s], and density [kg/m³] or, in the lifted model, strain."""
 
@@ -78,9 +81,11 @@ def prepare(
     Returns
     -------
     callable
-        ``run(velocity, density)`` fills two (times, N) arrays and returns -1, or the flat index of
-        the first kept value that broke down. With ``watch=False`` it looks for none, by which the
-        cost of watching can be told.
+        ``run(velocity, density)`` fills two (times, N) arrays and returns -1; or, if a step broke
+        down, the flat index of its first broken particle in the row that was to be kept next, which
+        then holds the broken state. States are looked at as often as `fastest_change` asks for, if
+        need be after every step. With ``watch=False`` it looks at none, by which the cost of
+        watching can be told.
 
     Raises
     ------
@@ -111,6 +116,7 @@ def prepare(
         geometry = (np.pad(weights, (0, ghosts - weights.size)),)
         march = march_stencil
 
+    pace = fastest_change(scene, dt, np.abs(amplitude).max(initial=0.0), factor=2)
     velocity0 = np.pad(velocity_now, ghosts, mode="wrap")
     stress0 = np.pad(modulus * (1 - density0 / density_now), ghosts, mode="wrap")
 
@@ -119,35 +125,101 @@ def prepare(
         state[0], state[2] = velocity0, stress0
         rho = density_now.copy()
         return march(
-            state, rho, material, forces, geometry, first_step, steps, watch, velocity, density
+            state,
+            rho,
+            material,
+            modulus,
+            forces,
+            geometry,
+            first_step,
+            steps,
+            watch,
+            pace,
+            velocity,
+            density,
         )
 
     return run
 
 
-@compiled
-def keep(v, rho, stress, softest, watch, velocity, density):
-    """Copy the state, without ghosts, into a row of what is kept; first broken value, or -1.
+def fastest_change(
+    scene: Scene, time_step: float, amplitude: float, factor: float = 1
+) -> tuple[float, float, float]:
+    """How fast strains and velocities can grow from step to step.
 
-    Where the stress is smaller than the smallest modulus, ``softest``, J = 1 - stress/c is above
-    zero and below two: one comparison a particle, which is usually enough. Zero times a velocity
-    that is not finite is not finite either.
+    With W, the largest row sum of |G|, a step changes strains by at most a factor times Δt W max|v|
+    and velocities by Δt (W max c/min ρ0 max|e| + |f|); damping of d Δt ≤ 2 lowers them. So with
+    ω² = factor W² max c/min ρ0 the larger of max|e| and (factor W/ω) max|v|, if it is q now, is at
+    most exp(n z) (q + n Δt (factor W/ω) |f|) after n steps, z = ω Δt, or z + z² where a step takes
+    rates from within itself. Of strains the factor is one. Of densities it is J/(J - Δt s) with the
+    rate s of J: two at most while J ≥ 1/2 and Δt |s| ≤ 1/4, which hold as long as q < 1/2, z ≤ 1.
+
+    Parameters
+    ----------
+    scene : Scene
+    time_step : float
+        Δt [s].
+    amplitude : float
+        Largest amplitude of the force [m/s²].
+    factor : float
+
+    Returns
+    -------
+    growth, scale, push : floats
+        z + z², infinite if nothing is known; factor W/ω [s/m]; Δt (factor W/ω) |f|.
     """
-    if not watch:
-        for i in range(rho.size):
-            velocity[i] = v[i]
-            density[i] = rho[i]
-        return -1
-    doubtful = 0
+    if scene.is_even:
+        widest = 2 * np.abs(stencil_weights(scene.spacing, scene.smoothing_ratio)).sum()
+    else:
+        first, _, gradients = scene.neighbour_lists()
+        widest = np.add.reduceat(np.abs(gradients), first[:-1].astype(np.int64)).max()
+    speed = np.sqrt(factor * scene.modulus().max()) / np.sqrt(scene.density0().min())
+    _, profile = scene.force_values(np.zeros(1))
+    z = widest * speed * time_step
+    push = time_step * factor / speed * amplitude * np.abs(profile).max(initial=0.0)
+    known = z <= 1 and time_step * scene.damping_values().max(initial=0.0) <= 2 and push < np.inf
+    return float(z + z**2) if known else np.inf, float(factor / speed), float(push)
+
+
+@compiled
+def keep(v, rho, velocity, density):
+    """Copy the state, without ghosts, into a row of what is kept."""
     for i in range(rho.size):
         velocity[i] = v[i]
         density[i] = rho[i]
-        doubtful += not abs(stress[i] + 0.0 * v[i]) < softest
-    if doubtful:
+
+
+@compiled
+def sound_steps(size, pace):
+    """Steps in which velocities and strains of this size leave every strain below one.
+
+    See `fastest_change`, of which ``pace`` is. At least one, which says nothing of that step.
+    """
+    growth, _, push = pace
+    if not size < SOUND:
+        return 1
+    size = max(size, SOUND / 10)
+    steps = np.log(SOUND / size) / (growth + push / size)
+    return max(1, int(min(steps, 1e9)))
+
+
+@compiled
+def look(v, rho, stress, modulus, pace):
+    """First particle without finite state and positive J, or -1; and steps not to look again in.
+
+    Fields are without ghosts. Zero times a velocity that is not finite is not finite either.
+    """
+    strained, fast, doubts = 0.0, 0.0, 0
+    for i in range(rho.size):
+        strain, speed = abs(stress[i] / modulus[i]), abs(v[i])
+        strained, fast = max(strained, strain), max(fast, speed)
+        doubts += not strain + 0.0 * speed < SOUND
+    if doubts:
         for i in range(rho.size):
             if not (rho[i] > 0 and rho[i] < np.inf and abs(v[i]) < np.inf):
-                return i
-    return -1
+                return i, 1
+        return -1, 1
+    return -1, sound_steps(max(strained, pace[1] * fast), pace)
 
 
 @compiled
@@ -226,7 +298,8 @@ def advance_any(v, new_v, stress, new_stress, rho, material, weights):
 
 @compiled
 def march_stencil(
-    state, rho, material, forces, geometry, first_step, steps, watch, velocity, density
+    state, rho, material, modulus, forces, geometry, first_step, steps, watch, pace, velocity,
+    density,
 ):  # fmt: skip
     """Evenly spaced particles. ``state`` holds velocity and stress, old and new, with ghosts."""
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
@@ -234,7 +307,13 @@ def march_stencil(
     width = weights.size
     inner = slice(width, width + rho.size)
     acted = forces[0].size > 0 or forces[1].size > 0
-    softest = material[1].min()
+    next_look = np.iinfo(np.int64).max
+    if watch:
+        failed, sound = look(v[inner], rho, stress[inner], modulus, pace)
+        if failed >= 0:
+            keep(v[inner], rho, velocity[0], density[0])
+            return failed
+        next_look = first_step + sound
     done = first_step
     for row in range(steps.size):
         for step in range(done, steps[row]):
@@ -250,12 +329,14 @@ def march_stencil(
             wrap(new_stress, width)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
+            if step + 1 >= next_look:
+                failed, sound = look(v[inner], rho, stress[inner], modulus, pace)
+                if failed >= 0:
+                    keep(v[inner], rho, velocity[row], density[row])
+                    return row * rho.size + failed
+                next_look = step + 1 + sound
         done = steps[row]
-        failed = keep(
-            v[inner], rho, stress[inner], softest, watch, velocity[row], density[row]
-        )  # fmt: skip
-        if failed >= 0:
-            return row * rho.size + failed
+        keep(v[inner], rho, velocity[row], density[row])
     return -1
 
 
@@ -281,12 +362,19 @@ def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
 
 @compiled
 def march_lists(
-    state, rho, material, forces, geometry, first_step, steps, watch, velocity, density
+    state, rho, material, modulus, forces, geometry, first_step, steps, watch, pace, velocity,
+    density,
 ):  # fmt: skip
     """Any arrangement of particles. ``state`` holds velocity and stress, old and new."""
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
     acted = forces[0].size > 0 or forces[1].size > 0
-    softest = material[1].min()
+    next_look = np.iinfo(np.int64).max
+    if watch:
+        failed, sound = look(v, rho, stress, modulus, pace)
+        if failed >= 0:
+            keep(v, rho, velocity[0], density[0])
+            return failed
+        next_look = first_step + sound
     done = first_step
     for row in range(steps.size):
         for step in range(done, steps[row]):
@@ -295,8 +383,12 @@ def march_lists(
                 act(new_v, v, forces, step)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
+            if step + 1 >= next_look:
+                failed, sound = look(v, rho, stress, modulus, pace)
+                if failed >= 0:
+                    keep(v, rho, velocity[row], density[row])
+                    return row * rho.size + failed
+                next_look = step + 1 + sound
         done = steps[row]
-        failed = keep(v, rho, stress, softest, watch, velocity[row], density[row])
-        if failed >= 0:
-            return row * rho.size + failed
+        keep(v, rho, velocity[row], density[row])
     return -1

@@ -27,6 +27,13 @@ MOST_DENSE = 400
 """Particles up to which powers of the step are taken, as dense matrices."""
 
 
+RESOLVED = 0.25
+"""Angle [rad] of the fastest wave that outputs may be apart to show a fold of the line.
+
+Between them a strain differs from what they show by less than a hundredth of its amplitude.
+"""
+
+
 class Breakdown(ArithmeticError):
     """A solution became non-finite, or its Jacobian J = ρ0/ρ stopped being positive."""
 

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from scenes import VARIED, scene
 
 from sphpod import detection, lifted, sph
+from sphpod.stability import Breakdown
 
 SETTINGS = {
     "plain": {},
@@ -31,30 +32,87 @@ def first_broken(velocity, jacobian):
     return int(np.argmax(broken)) if broken.any() else -1
 
 
+def in_rows(found, case, stride):
+    """A flat index of all steps as one of every so many: the row that was to be kept next."""
+    step, particle = divmod(found, case.particle_count)
+    return found if found < 0 else -(-step // stride) * case.particle_count + particle
+
+
 @each
 @pytest.mark.parametrize("neighbours", ["stencil", "lists"])
 @settings(deadline=None, max_examples=15)
-@given(speed=st.floats(0.05, 3))
-def test_full_sph_is_watched_as_by_brute_force(neighbours, changes, speed):
+@given(speed=st.floats(0.05, 3), stride=st.sampled_from([1, 10, 100, 1000]))
+def test_full_sph_is_watched_as_by_brute_force(neighbours, changes, speed, stride):
+    """Whatever is kept, every step counts."""
     case = struck(speed, changes)
     if neighbours == "stencil" and not case.is_even:
         return
-    kept = np.full((2, case.error_times.size, case.particle_count), np.nan)
-    assert sph.prepare(case, case.error_steps, neighbours)(*kept, watch=False) == -1
-    expected = first_broken(kept[0], case.density0() / kept[1])
-    assert sph.prepare(case, case.error_steps, neighbours)(*kept.copy()) == expected
+    steps = np.arange(case.step_count + 1)
+    every = np.full((2, steps.size, case.particle_count), np.nan)
+    assert sph.prepare(case, steps, neighbours)(*every, watch=False) == -1
+    expected = first_broken(every[0], case.density0() / every[1])
+    kept = np.full((2, steps[::stride].size, case.particle_count), np.nan)
+    found = sph.prepare(case, steps[::stride], neighbours)(*kept)
+    assert found == in_rows(expected, case, stride)
+    if found >= 0:
+        row, step = found // case.particle_count, expected // case.particle_count
+        np.testing.assert_array_equal(kept[:, :row], every[:, : row * stride : stride])
+        np.testing.assert_array_equal(kept[:, row], every[:, step])
+
+
+def test_full_sph_does_not_fold_between_outputs():
+    """Of one run, kept at every step, at a few and at the ends alone."""
+    case = scene("struck", duration=3, initial_velocity="0.35*sin(2*pi*x/L)", time_step=2e-3)
+    times = []
+    for stride in (1, 5, case.step_count):
+        with pytest.raises(Breakdown) as caught:
+            sph.solve(case, np.arange(0, case.step_count + 1, stride))
+        times.append(caught.value.time)
+    assert times[0] <= times[1] <= times[0] + 4.01 * case.time_step
+    assert times[2] == case.duration
 
 
 @each
 @pytest.mark.parametrize("integrator", lifted.INTEGRATORS)
 @settings(deadline=None, max_examples=8)
-@given(speed=st.floats(0.05, 3))
-def test_the_lifted_full_model_is_watched_as_by_brute_force(integrator, changes, speed):
-    case = struck(speed, changes)
-    kept = np.full((2, case.error_times.size, case.particle_count), np.nan)
-    assert lifted.prepare(case, integrator)(*kept, watch=False) == -1
-    expected = first_broken(kept[0], 1 + kept[1])
-    assert lifted.prepare(case, integrator)(*kept.copy()) == expected
+@given(speed=st.floats(0.05, 3), stride=st.sampled_from([10, 50]))
+def test_the_lifted_full_model_is_watched_as_by_brute_force(integrator, changes, speed, stride):
+    """Whatever is kept, every step counts, or those that resolve the waves."""
+    step = 1e-3 if integrator in lifted.FIXED_STEP else 1e-2
+    case = replace(struck(speed, changes), time_step=step, error_interval=step)
+    every = np.full((2, case.error_times.size, case.particle_count), np.nan)
+    assert lifted.prepare(case, integrator)(*every, watch=False) == -1
+    expected = in_rows(first_broken(every[0], 1 + every[1]), case, stride)
+    few = replace(case, error_interval=stride * step)
+    kept = np.full((2, few.error_times.size, case.particle_count), np.nan)
+    found = lifted.prepare(few, integrator)(*kept)
+    if integrator in ("explicit_euler", "symplectic_euler"):
+        assert found == expected
+    elif expected < 0:
+        # Leapfrog is looked at in the middle of its steps too.
+        assert found < 0 or (1 + every[1]).min() < 0.02
+    else:
+        row = expected // case.particle_count
+        assert found >= 0
+        assert abs(found // case.particle_count - row) <= 1
+
+
+@pytest.mark.parametrize("integrator", lifted.INTEGRATORS)
+@pytest.mark.parametrize("changes", [{}, {"initial_density": "1 + 0.01*cos(2*pi*x/L)"}])
+def test_the_lifted_full_model_does_not_fold_between_outputs(integrator, changes):
+    """Waves that are back where they began at the end fold on the way."""
+    interval = 3.2
+    case = scene(
+        "struck", duration=interval, error_interval=interval, time_step=interval / 3200,
+        youngs_modulus=0.09765625, initial_velocity="0.45*sin(2*pi*x/L)", **changes,
+    )  # fmt: skip
+    kept = np.empty((2, 2, case.particle_count))
+    lifted.prepare(case, integrator)(*kept, watch=False)
+    assert kept[1].min() > -1
+    with pytest.raises(Breakdown, match=r"scene struck: the lifted full model"):
+        lifted.solve(case, integrator)
+    small = replace(case, initial_velocity=scene(initial_velocity=1e-3).initial_velocity)
+    lifted.solve(small, integrator)
 
 
 @each

@@ -1,6 +1,7 @@
 """Exact solutions: that they solve the equations, keep energy and momentum, and agree in limits."""
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -472,3 +473,130 @@ def test_jittered_particles_see_the_waves_where_they_are(material):
         expected = np.interp(jittered.positions, fine.positions, truth["velocity"][row], period=1)
         np.testing.assert_allclose(found["velocity"][row], expected, atol=1e-4 * 1e-3)
     assert exact.kind(small_scene(damping=1, positions={"jitter": 0.1})) is None
+
+
+# --- Folding between outputs and particles --------------------------------------------------------
+
+STANDING: dict[str, Any] = {
+    "duration": 3.2, "error_interval": 3.2, "time_step": 3.2 / 400, "youngs_modulus": 0.09765625,
+}  # fmt: skip
+"""Waves of speed 0.3125 that are kept at 0 and T alone, when sin(2 pi x/L) strains nothing."""
+
+
+def first_fold(case):
+    with pytest.raises(Breakdown) as caught:
+        exact.solve(case)
+    return caught.value
+
+
+@pytest.mark.parametrize("interval", [3.2, 0.1])
+def test_folding_between_outputs_does_not_pass(interval):
+    """e = (A/s) sin(2 pi s t) cos(2 pi x) is -1 first where the sine is s/A, at x = 1/2."""
+    case = small_scene(
+        **(STANDING | {"error_interval": interval, "initial_velocity": "0.45*sin(2*pi*x/L)"})
+    )
+    found = first_fold(case)
+    speed = 0.3125
+    expected = np.arcsin(speed / 0.45) / (2 * np.pi * speed)
+    assert found.time == pytest.approx(expected, rel=1e-4)
+    assert found.particle == 20
+
+
+@pytest.mark.parametrize(
+    ("changes", "solve"),
+    [
+        ({}, exact.solve),
+        ({}, exact.solve_modified),
+        ({"youngs_modulus": "0.09765625*where(x < L/2, 1, 1 + 1e-9)"}, exact.solve),
+        ({"positions": {"jitter": 0.3, "seed": 2}}, exact.solve),
+    ],
+    ids=["waves", "modified", "layers", "jittered"],
+)
+def test_what_hardly_folds_and_what_hardly_does_not(changes, solve):
+    for size, folds in ((0.9995, False), (1.0005, True)):
+        case = small_scene(
+            **(STANDING | changes | {"initial_velocity": f"{size}*0.3125*sin(2*pi*x/L)"})
+        )
+        if folds:
+            with pytest.raises(Breakdown):
+                solve(case)
+        else:
+            solve(case)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"damping": 0.3},
+        {"damping": 0.3, "force": "cos(t)"},
+        {"initial_velocity": 0, "force": {"time": "2*sin(2*pi*t/3.2)", "profile": "sin(2*pi*x)"}},
+        {"youngs_modulus": "0.09765625*where(x < 0.37, 1, 2)"},
+        {"initial_density": "where(x < 0.37, 1, 3)"},
+    ],
+    ids=["damped", "damped-forced", "forced", "moduli", "densities"],
+)
+def test_folding_is_found_when_a_smaller_motion_shows_it(changes):
+    """Strains are linear in v0 and force: a twentieth of both shows when the line would fold."""
+    case = STANDING | {"initial_velocity": "0.45*sin(2*pi*x/L)"} | changes
+    found = first_fold(small_scene(**case))
+    small = case | {"initial_velocity": f"0.05*({case['initial_velocity']})"}
+    if isinstance(case.get("force"), dict):
+        small["force"] = case["force"] | {"profile": f"0.05*({case['force']['profile']})"}
+    elif "force" in case:
+        small["force"] = f"0.05*({case['force']})"
+    interval = 3.2 / 1600
+    many = small_scene(
+        **(small | {"particle_count": 800, "error_interval": interval, "time_step": interval})
+    )
+    strain = 20 * fields_of(exact.solve(many), many)[1]
+    row = int(np.argmax(strain.min(axis=1) <= -1))
+    assert row > 0
+    assert many.error_times[row - 1] - 0.004 <= found.time <= many.error_times[row] + 0.004
+
+
+def test_strong_damping_keeps_the_line_from_folding():
+    """The bound by the signals does not exclude it; looking at them does."""
+    case = small_scene(**STANDING, initial_velocity="0.45*sin(2*pi*x/L)", damping=6)
+    assert np.ptp(case.velocity0()) > 2 * 0.3125
+    velocity, strain = fields_of(exact.solve(case), case)
+    assert np.isfinite(velocity).all()
+    assert strain.min() > -1
+
+
+def fields_of(solution, case):
+    return solution["velocity"], case.density0() / solution["density"] - 1
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"youngs_modulus": 1e-300},
+        {"initial_density": 1e150},
+        {"youngs_modulus": 1e-300, "initial_density": 1e300},
+        {"youngs_modulus": 1e-12},
+        {"youngs_modulus": 1e-22},
+        {"youngs_modulus": 1e-300, "positions": {"jitter": 0.3, "seed": 2}},
+    ],
+)
+def test_waves_that_hardly_travel_strain_by_the_slope_of_the_start(changes):
+    """As s tends to 0, e = t v0'(x), with no rounding error that 1/2s would magnify."""
+    case = small_scene(**changes)
+    velocity, strain = fields_of(exact.solve(case), case)
+    x, t = case.positions, case.error_times[:, None]
+    start = 1e-3 * np.sin(2 * np.pi * x) + 5e-4 * np.cos(4 * np.pi * x)
+    slope = 2e-3 * np.pi * (np.cos(2 * np.pi * x) - np.sin(4 * np.pi * x))
+    np.testing.assert_allclose(velocity, start + 0 * t, rtol=0, atol=1e-9)
+    np.testing.assert_allclose(strain, t * slope, rtol=0, atol=1e-9)
+
+
+def test_waves_that_hardly_travel_fold_when_the_slope_says_so():
+    case = small_scene(youngs_modulus=1e-300, initial_velocity="0.5*sin(2*pi*x/L)")
+    assert first_fold(case).time == pytest.approx(1 / np.pi, rel=1e-4)
+    jumping = small_scene(youngs_modulus=1e-300, initial_velocity="1e-3*where(x < L/2, 1, 0)")
+    assert first_fold(jumping).time == 0
+
+
+def test_layers_whose_waves_hardly_travel_are_not_told_to_be_exact():
+    layers = "where(x < L/2, {}, {})".format
+    assert exact.kind(small_scene(youngs_modulus=layers(1e-12, 2e-12))) == "two_layer"
+    assert exact.kind(small_scene(youngs_modulus=layers(1e-300, 2e-300))) is None

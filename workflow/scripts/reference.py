@@ -5,7 +5,7 @@ from sphpod.scene import Scene
 
 SOLVERS = {
     "fd": reference.solve_paper,
-    "centred": lambda scene: reference.solve_centred(scene, exact.kind(scene) is None),
+    "centred": reference.solve_centred,
     "exact": exact.solve,
     "modified": exact.solve_modified,
 }

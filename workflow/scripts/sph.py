@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sphpod import dataset, job, sph, stability
+from sphpod import dataset, job, resolution, sph, stability
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
@@ -10,7 +10,7 @@ if __name__ == "__main__":
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     steps = np.union1d(scene.error_steps, snakemake.params.snapshot_steps).astype(np.int64)
-    predicted = stability.predict(scene)
+    predicted = stability.predict(scene) | resolution.predict(scene)
     dataset.write(
         snakemake.output[0],
         sph.solve(scene, steps) | {"error_sample": np.isin(steps, scene.error_steps)},
