@@ -44,6 +44,21 @@ class Variable(NamedTuple):
     coordinates: str = ""
 
 
+def _roundings(field: str, meaning: str) -> dict[str, Variable]:
+    """How far rounding turns the modes of a field."""
+    dims = (f"{field}_mode",)
+    return {
+        f"{field}_mode_rounding": Variable(
+            dims, "1", f"norm of the change that rounding makes of a mode of the {meaning}"
+        ),
+        f"{field}_span_rounding": Variable(
+            dims,
+            "1",
+            f"sine of the angle by which rounding turns the span of the first modes of the {meaning}",
+        ),
+    }
+
+
 def _fields() -> dict[str, Variable]:
     """Variables that exist once for the velocity and once for the density."""
     variables: dict[str, Variable] = {}
@@ -59,9 +74,16 @@ def _fields() -> dict[str, Variable]:
             f"{field}_snapshots": Variable(
                 (snapshot, "x"), units, f"{meaning} snapshots", coordinates=f"{field}_time"
             ),
+            f"{field}_twins": Variable(
+                (snapshot, "x"),
+                units,
+                f"{meaning} snapshots of a run that starts one unit in the last place beside",
+                coordinates=f"{field}_time",
+            ),
             f"{field}_modes": Variable(
                 (mode, "x"), "1", f"orthonormal {meaning} modes, largest entry positive"
             ),
+            **_roundings(field, meaning),
             f"{field}_singular_values": Variable(
                 (mode,), units, f"singular values of the {meaning} snapshots"
             ),
@@ -104,7 +126,16 @@ VARIABLES = _fields() | {
     "solution": Variable(("solution",), "", "solution whose error is given", str),
     "reference": Variable(("reference",), "", "solution that the error is taken against", str),
     "mode_count": Variable(("mode_count",), "1", "modes kept for velocity and density", np.int32),
+    "modes_resolved": Variable(
+        ("mode_count",),
+        "1",
+        "1 where rounding turns the span of the modes by less than 0.01, 0 where the error of the "
+        "model changes with the processor",
+        np.int8,
+    ),
     "breakdown_time": Variable(("mode_count",), "s", "time at which the reduced model broke down"),
+    **_roundings("scaled_velocity", "velocity times root of mass"),
+    **_roundings("scaled_strain", "strain times root of stiffness"),
     "scaled_velocity_modes": Variable(
         ("scaled_velocity_mode", "x"), "1", "orthonormal modes of the velocity times root of mass"
     ),
