@@ -192,6 +192,9 @@ VARIABLES = _fields() | {
     "contender_mode_count": Variable(
         ("contender",), "1", "modes kept for velocity and density, 0 for a full model", np.int32
     ),
+    "contender_modes_resolved": Variable(
+        ("contender",), "1", "1 of a full model, else as modes_resolved", np.int8
+    ),
     "integrator": Variable(("contender",), "", "how a model is stepped", str),
     "contender_particle_count": Variable(("contender",), "1", "particles of the model", np.int32),
     "contender_time_step": Variable(
