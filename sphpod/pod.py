@@ -16,7 +16,7 @@ from sphpod.error import FIELDS
 ROUNDING_LEVEL = 1e-2
 """Modes or spans of modes that rounding turns by more than this (a sine) are not resolved."""
 
-TIES = 10
+TIES = 5
 """Entries of a mode are equal, as its sign goes, within so many times what rounding turns it by."""
 
 

@@ -391,7 +391,9 @@ def test_errors_of_modes_near_rounding_are_grey() -> None:
         if colour == plotting.BLUE:
             there.remove(12)
         np.testing.assert_array_equal(np.flatnonzero(np.isfinite(y_of(grey))), there)
-    assert not [line for line in FIGURES["error"]().axes[1].lines if line.get_color() == plotting.GREY]
+    assert not [
+        line for line in FIGURES["error"]().axes[1].lines if line.get_color() == plotting.GREY
+    ]
 
 
 def test_breakdown_is_marked_on_the_top_edge() -> None:
