@@ -72,8 +72,8 @@ def certify(
         energy_error_lifted, its bound energy_error_bound, the bound residual_bound without
         corrected modes, and difference_from_best, how far the model is from the one with all modes
         of the snapshots, and bound_slack, the smallest difference of bound and error over time;
-        breakdown_time; modes_resolved, as from `lifted_rom.modes_resolved`. For a single count also t, scaled_velocity_coordinates,
-        scaled_strain_coordinates and error_bound (times,).
+        breakdown_time; modes_resolved, as from `lifted_rom.modes_resolved`. For a single count also
+        t, scaled_velocity_coordinates, scaled_strain_coordinates and error_bound (times,).
 
     Raises
     ------
@@ -143,9 +143,9 @@ def choose(
     Returns
     -------
     dict
-        tolerance; mode_count, modes_resolved and best_mode_count; difference_from_best, energy_error_bound,
-        residual_bound, each relative; certified, 1 or 0; t, scaled_velocity_coordinates,
-        scaled_strain_coordinates, error_bound (times,).
+        tolerance; mode_count, modes_resolved and best_mode_count; difference_from_best,
+        energy_error_bound, residual_bound, each relative; certified, 1 or 0; t,
+        scaled_velocity_coordinates, scaled_strain_coordinates, error_bound (times,).
 
     Raises
     ------

@@ -54,7 +54,7 @@ def _roundings(field: str, meaning: str) -> dict[str, Variable]:
         f"{field}_span_rounding": Variable(
             dims,
             "1",
-            f"sine of the angle by which rounding turns the span of the first modes of the {meaning}",
+            f"sine of the angle by which rounding turns the span of first modes of the {meaning}",
         ),
     }
 

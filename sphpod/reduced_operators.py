@@ -108,10 +108,10 @@ def of_samplings(
     Returns
     -------
     dict
-        mode_count; modes_resolved, of both kinds of modes; euclidean_growth_rate, of the original and of the frozen model about the
-        initial density as the density modes hold it, the larger; frozen_growth_rate, with
-        coefficients of the snapshots' densities, the largest; euclidean_rounding and
-        frozen_rounding, how far rounding may have moved them; energy_growth_rate and operator_size
+        mode_count; modes_resolved, of both kinds of modes; euclidean_growth_rate, of the
+        original and of the frozen model about the initial density as the density modes hold it, the
+        larger; frozen_growth_rate, with coefficients of the snapshots' densities, the largest;
+        euclidean_rounding and frozen_rounding, how far rounding may have moved them; energy_growth_rate and operator_size
         of the lifted model; each (counts,) [1/s].
     """
     counts = list(mode_counts)

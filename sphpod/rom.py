@@ -249,7 +249,8 @@ def sweep(
     dict
         mode_count, velocity_error_sph, density_error_sph, velocity_error_reference,
         density_error_reference, breakdown_time [s] (NaN where none), modes_resolved, as from
-        `modes_resolved`, each of shape (counts,); and for a single count t, velocity_coordinates, density_coordinates.
+        `modes_resolved`, each of shape (counts,); and for a single count t,
+        velocity_coordinates, density_coordinates.
 
     Raises
     ------

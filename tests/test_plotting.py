@@ -376,8 +376,11 @@ def test_errors_of_modes_near_rounding_are_grey() -> None:
     assert right.get_legend_handles_labels()[1][-1] == plotting.UNRESOLVED_LABEL
     known = np.setdiff1d(np.arange(20), [4, *range(9, 20)])
     for colour, marker in (
-        (plotting.BLUE, "o"), (plotting.SKY, "^"), (plotting.VERMILLION, "s"), (plotting.ORANGE, "D")
-    ):  # fmt: skip
+        (plotting.BLUE, "o"),
+        (plotting.SKY, "^"),
+        (plotting.VERMILLION, "s"),
+        (plotting.ORANGE, "D"),
+    ):
         coloured = next(line for line in curves(right, colour) if len(x_of(line)) == 20)
         np.testing.assert_array_equal(np.flatnonzero(np.isfinite(y_of(coloured))), known)
         (grey,) = (
