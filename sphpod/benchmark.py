@@ -128,8 +128,8 @@ def compare(
         contender_modes_resolved, n_freeze, contender_particle_count, contender_time_step [s],
         contender_tolerance; cpu_seconds and reconstruction_seconds (contenders, repeats) [s];
         {field}_error_full and {field}_error_exact (the first NaN for other particles, the second
-        against centred differences where no exact solution is known); offline_seconds (contenders, 3) [s]: of snapshots, modes and
-        projection.
+        against centred differences where no exact solution is known); offline_seconds
+        (contenders, 3) [s]: of snapshots, modes and projection.
     """
     buffers = Buffers()
     offline = _offline(scene, sampling, taken, repeats)

@@ -224,7 +224,8 @@ def table(
     """
     rows = []
     for claim in claims:
-        findings, unresolved = [], {}
+        findings = []
+        unresolved: dict[str, None] = {}
         for one in claim["criterion"]:
             places = [{name: read(path) for name, path in p.items()} for p in one["places"]]
             other = ("kind", "places", *PLACE_KEYS)

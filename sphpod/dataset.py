@@ -129,8 +129,8 @@ VARIABLES = _fields() | {
     "modes_resolved": Variable(
         ("mode_count",),
         "1",
-        "1 where rounding turns the span of the modes by less than 0.01, 0 where the error of the "
-        "model changes with the processor",
+        "1 where rounding turns the span of the modes by at most 0.01, 0 where it turns it by more "
+        "and the error of the model may change with the processor",
         np.int8,
     ),
     "breakdown_time": Variable(("mode_count",), "s", "time at which the reduced model broke down"),

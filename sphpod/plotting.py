@@ -385,7 +385,7 @@ def error(pod: Arrays, sweep: Arrays, errors: Arrays, reference: str) -> Figure:
     """Draw singular values, and errors against the number of modes (figures 3.3, 3.5, ...).
 
     An error that is not finite, or above 10³, stands as a marker on the top edge. Errors of models
-    whose modes are not resolved are grey: they change with the processor.
+    whose modes are not resolved are grey: they may change with the processor.
 
     Parameters
     ----------

@@ -111,8 +111,8 @@ def of_samplings(
         mode_count; modes_resolved, of both kinds of modes; euclidean_growth_rate, of the
         original and of the frozen model about the initial density as the density modes hold it, the
         larger; frozen_growth_rate, with coefficients of the snapshots' densities, the largest;
-        euclidean_rounding and frozen_rounding, how far rounding may have moved them; energy_growth_rate and operator_size
-        of the lifted model; each (counts,) [1/s].
+        euclidean_rounding and frozen_rounding, how far rounding may have moved them;
+        energy_growth_rate and operator_size of the lifted model; each (counts,) [1/s].
     """
     counts = list(mode_counts)
     found = []

@@ -91,7 +91,8 @@ def test_from_where_a_model_works_it_goes_on_to(pairs):
     ],
 )
 def test_mode_counts_near_rounding_are_told(resolved, told):
-    sweep = {"mode_count": np.arange(4, 9), "modes_resolved": np.array(resolved, np.int8)}
+    flags = np.array(resolved, np.int8)
+    sweep = {"mode_count": np.arange(4, 9), "modes_resolved": flags}
     assert comparison.near_rounding(sweep) == told
 
 
