@@ -17,7 +17,7 @@ from threadpoolctl import threadpool_limits
 
 from sphpod import exact, lifted, lifted_rom, pod, reference, snapshots, sph, stability, timing
 from sphpod.error import FIELDS, relative_error
-from sphpod.rom import ReducedModel, acceleration_contenders, freeze_steps
+from sphpod.rom import ReducedModel, acceleration_contenders, freeze_steps, modes_resolved
 from sphpod.scene import Scene
 
 MODE_COUNTS = (4, 8, 12, 16, 20)
@@ -61,6 +61,8 @@ class Contender:
         Fills fields from what was kept; None where fields are kept.
     projection_seconds : float
         CPU time of the preparation [s].
+    resolved : bool
+        Whether rounding leaves the span of its modes, if it has any, as it is (`pod.resolved`).
     """
 
     method: str
@@ -73,6 +75,7 @@ class Contender:
     tolerance: float = np.nan
     reconstruct: Callable[[], object] | None = None
     projection_seconds: float = 0.0
+    resolved: bool = True
 
     @property
     def time_step(self) -> float:
@@ -121,12 +124,12 @@ def compare(
     Returns
     -------
     dict
-        One entry a contender: contender, integrator, contender_mode_count, n_freeze,
-        contender_particle_count, contender_time_step [s], contender_tolerance; cpu_seconds and
-        reconstruction_seconds (contenders, repeats) [s]; {field}_error_full and {field}_error_exact
-        (the first NaN for other particles, the second against centred differences where no exact
-        solution is known); offline_seconds (contenders, 3) [s]: of snapshots, modes and
-        projection.
+        One entry a contender: contender, integrator, contender_mode_count,
+        contender_modes_resolved, n_freeze, contender_particle_count, contender_time_step [s],
+        contender_tolerance; cpu_seconds and reconstruction_seconds (contenders, repeats) [s];
+        {field}_error_full and {field}_error_exact (the first NaN for other particles, the second
+        against centred differences where no exact solution is known); offline_seconds
+        (contenders, 3) [s]: of snapshots, modes and projection.
     """
     buffers = Buffers()
     offline = _offline(scene, sampling, taken, repeats)
@@ -152,6 +155,7 @@ def compare(
         "contender": np.array([c.method for c in contenders]),
         "integrator": np.array([c.integrator for c in contenders]),
         "contender_mode_count": np.array([c.modes for c in contenders]),
+        "contender_modes_resolved": np.array([c.resolved for c in contenders]),
         "n_freeze": np.array([c.n_freeze for c in contenders]),
         "contender_particle_count": np.array([c.scene.particle_count for c in contenders]),
         "contender_time_step": np.array([c.time_step for c in contenders]),
@@ -315,6 +319,7 @@ def _paper_model(scene, method, count, modes, buffers):
         freeze_steps(method),
         reconstruct=reconstruct,
         projection_seconds=seconds,
+        resolved=bool(modes_resolved(modes, [count])[0]),
     )
 
 
@@ -340,4 +345,5 @@ def _lifted_model(scene, method, count, modes, buffers):
         count,
         reconstruct=lambda: prepared.reconstruct(state, velocity, strain),
         projection_seconds=seconds,
+        resolved=bool(lifted_rom.modes_resolved(modes, [count])[0]),
     )

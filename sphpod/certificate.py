@@ -45,8 +45,8 @@ def certify(
         energy_error_lifted, its bound energy_error_bound, the bound residual_bound without
         corrected modes, and difference_from_best, how far the model is from the one with all modes
         of the snapshots, and bound_slack, the smallest difference of bound and error over time;
-        breakdown_time. For a single count also t, scaled_velocity_coordinates,
-        scaled_strain_coordinates and error_bound (times,).
+        breakdown_time; modes_resolved, as from `lifted_rom.modes_resolved`. For a single count also
+        t, scaled_velocity_coordinates, scaled_strain_coordinates and error_bound (times,).
 
     Raises
     ------
@@ -61,6 +61,7 @@ def certify(
     )  # fmt: skip
     arrays |= {name: np.full(len(counts), np.inf) for name in names}
     arrays["bound_slack"] = np.full(len(counts), np.nan)
+    arrays["modes_resolved"] = lifted_rom.modes_resolved(modes, counts)
     scales = lifted.energy_weights(scene)
     velocity, strain = (
         Seen.of(full[field], scale, modes[f"scaled_{field}_modes"][: max(counts)])
@@ -115,9 +116,9 @@ def choose(
     Returns
     -------
     dict
-        tolerance; mode_count and best_mode_count; difference_from_best, energy_error_bound,
-        residual_bound, each relative; certified, 1 or 0; t, scaled_velocity_coordinates,
-        scaled_strain_coordinates, error_bound (times,).
+        tolerance; mode_count, modes_resolved and best_mode_count; difference_from_best,
+        energy_error_bound, residual_bound, each relative; certified, 1 or 0; t,
+        scaled_velocity_coordinates, scaled_strain_coordinates, error_bound (times,).
 
     Raises
     ------
@@ -139,6 +140,7 @@ def choose(
     return {
         "tolerance": np.array(tolerance),
         "mode_count": np.array([count]),
+        "modes_resolved": lifted_rom.modes_resolved(modes, [count]),
         "best_mode_count": np.array(best.count),
         "difference_from_best": np.array([difference]),
         "energy_error_bound": np.array([relative]),

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.comparison import near_rounding
 from sphpod.config import ConfigError, parse_modes
 from sphpod.criteria import CRITERIA, FILES
 
@@ -28,6 +29,7 @@ COLUMNS = (
     "relative_difference",
     "tolerance",
     "verdict",
+    "near_rounding",
 )
 
 PLACE_KEYS = ("samplings", "studies")
@@ -217,16 +219,21 @@ def table(
     Returns
     -------
     list of dict
-        One row a claim, with the keys of `COLUMNS`; None where a row has no such value.
+        One row a claim, with the keys of `COLUMNS`; None where a row has no such value. The last
+        tells which mode counts that were looked at use modes near rounding (`pod.resolved`).
     """
     rows = []
     for claim in claims:
         findings = []
+        unresolved: dict[str, None] = {}
         for one in claim["criterion"]:
             places = [{name: read(path) for name, path in p.items()} for p in one["places"]]
             other = ("kind", "places", *PLACE_KEYS)
             thresholds = {key: value for key, value in one.items() if key not in other}
             findings.append(CRITERIA[one["kind"]].decide(places, claim, **thresholds))
+            models = (data for place in places for data in place.values())
+            told = [near_rounding(data) for data in models if "modes_resolved" in data]
+            unresolved |= dict.fromkeys(text for text in told if text != "-")
         holds = all(bool(finding.holds) for finding in findings)
         reproduced = _cell(findings[0].measured)
         if claim["paper"] == "yes":
@@ -243,6 +250,7 @@ def table(
                 "relative_difference": None if math.isnan(difference) else difference,
                 "tolerance": claim.get("tolerance"),
                 "verdict": "reproduced" if holds else "deviates",
+                "near_rounding": "; ".join(unresolved) or "-",
             }
         )
     return rows

@@ -44,6 +44,20 @@ def works_from(sweep: Arrays, errors: Arrays) -> int | None:
     return _first(sweep, np.flip(np.logical_and.accumulate(np.flip(works))))
 
 
+def near_rounding(sweep: Arrays) -> str:
+    """Mode counts whose modes are not resolved, such as ``8-20``, or none: ``-``.
+
+    Parameters
+    ----------
+    sweep : dict
+        mode_count, ascending, and modes_resolved (counts,).
+    """
+    counts = sweep["mode_count"][~sweep["modes_resolved"].astype(bool)]
+    runs = np.split(counts, np.flatnonzero(np.diff(counts) > 1) + 1)
+    told = [f"{run[0]}-{run[-1]}" if run.size > 1 else f"{run[0]}" for run in runs if run.size]
+    return ", ".join(told) or "-"
+
+
 def _first(sweep, chosen):
     counts = sweep["mode_count"][chosen]
     return int(counts[0]) if counts.size else None
@@ -70,6 +84,7 @@ def effectivities(place: Mapping[str, Any], sweep: Arrays) -> Iterator[dict[str,
         yield {
             **place,
             "modes": int(count),
+            "modes_resolved": bool(sweep["modes_resolved"][n]),
             "energy_error_lifted": error,
             "energy_error_bound": bound,
             "effectivity": bound / size,
@@ -94,6 +109,7 @@ def certificates(
             **place,
             "tolerance": tolerance,
             "modes": int(counts[n]),
+            "modes_resolved": bool(sweep["modes_resolved"][n]),
             "difference_from_best": float(sweep["difference_from_best"][n]),
             "energy_error_bound": float(bounds[n]),
             "verdict": word,

@@ -52,6 +52,21 @@ class Variable(NamedTuple):
     coordinates: str = ""
 
 
+def _roundings(field: str, meaning: str) -> dict[str, Variable]:
+    """How far rounding turns the modes of a field."""
+    dims = (f"{field}_mode",)
+    return {
+        f"{field}_mode_rounding": Variable(
+            dims, "1", f"norm of the change that rounding makes of a mode of the {meaning}"
+        ),
+        f"{field}_span_rounding": Variable(
+            dims,
+            "1",
+            f"sine of the angle by which rounding turns the span of first modes of the {meaning}",
+        ),
+    }
+
+
 def _fields() -> dict[str, Variable]:
     """Variables that exist once for the velocity and once for the density."""
     variables: dict[str, Variable] = {}
@@ -67,9 +82,16 @@ def _fields() -> dict[str, Variable]:
             f"{field}_snapshots": Variable(
                 (snapshot, "x"), units, f"{meaning} snapshots", coordinates=f"{field}_time"
             ),
+            f"{field}_twins": Variable(
+                (snapshot, "x"),
+                units,
+                f"{meaning} snapshots of a run that starts one unit in the last place beside",
+                coordinates=f"{field}_time",
+            ),
             f"{field}_modes": Variable(
                 (mode, "x"), "1", f"orthonormal {meaning} modes, largest entry positive"
             ),
+            **_roundings(field, meaning),
             f"{field}_singular_values": Variable(
                 (mode,), units, f"singular values of the {meaning} snapshots"
             ),
@@ -118,7 +140,16 @@ VARIABLES = _fields() | {
     "solution": Variable(("solution",), "", "solution whose error is given", str),
     "reference": Variable(("reference",), "", "solution that the error is taken against", str),
     "mode_count": Variable(("mode_count",), "1", "modes kept for velocity and density", np.int32),
+    "modes_resolved": Variable(
+        ("mode_count",),
+        "1",
+        "1 where rounding turns the span of the modes by at most 0.01, 0 where it turns it by more "
+        "and the error of the model may change with the processor",
+        np.int8,
+    ),
     "breakdown_time": Variable(("mode_count",), "s", "time at which the reduced model broke down"),
+    **_roundings("scaled_velocity", "velocity times root of mass"),
+    **_roundings("scaled_strain", "strain times root of stiffness"),
     "scaled_velocity_modes": Variable(
         ("scaled_velocity_mode", "x"), "1", "orthonormal modes of the velocity times root of mass"
     ),
@@ -174,6 +205,9 @@ VARIABLES = _fields() | {
     ),
     "contender_mode_count": Variable(
         ("contender",), "1", "modes kept for velocity and density, 0 for a full model", np.int32
+    ),
+    "contender_modes_resolved": Variable(
+        ("contender",), "1", "1 of a full model, else as modes_resolved", np.int8
     ),
     "integrator": Variable(("contender",), "", "how a model is stepped", str),
     "contender_particle_count": Variable(("contender",), "1", "particles of the model", np.int32),

@@ -25,7 +25,7 @@ import numpy as np
 
 from sphpod import lifted, propagator
 from sphpod.error import FIELDS, blocks, share
-from sphpod.pod import checked
+from sphpod.pod import Modes, checked, named, resolved
 from sphpod.pod import modes as proper_modes
 from sphpod.propagator import Jumps
 from sphpod.scene import Scene
@@ -46,14 +46,17 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
     ----------
     scene : Scene
     snapshots : dict
-        velocity_snapshots (n, N) [m/s]; density_snapshots (m, N) [kg/m³] or strain_snapshots.
+        velocity_snapshots (n, N) [m/s]; density_snapshots (m, N) [kg/m³] or strain_snapshots; and
+        velocity_twins, density_twins of the same shapes, where there are (`rounding.twins`).
 
     Returns
     -------
     dict
         x (N,); scaled_velocity_modes, scaled_strain_modes (modes, N), of singular values that are
-        not zero; scaled_velocity_singular_values, scaled_strain_singular_values; translation, 1 if
-        the first velocity mode is the rigid translation, else 0.
+        not zero; scaled_velocity_singular_values, scaled_strain_singular_values; how far rounding
+        turns them, scaled_velocity_mode_rounding, scaled_velocity_span_rounding and those of the
+        strain, as in `pod.Modes`; translation, 1 if the first velocity mode is the rigid
+        translation, else 0.
 
     Raises
     ------
@@ -72,13 +75,19 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
     else:
         strain = lifted.strain(scene, given("density_snapshots", 0))
     rigid = (mass / np.linalg.norm(mass))[None] if scene.translates else np.zeros((0, mass.size))
+    velocity_twins, strain_twins = None, None
+    if "velocity_twins" in snapshots:
+        velocity_twins = mass * given("velocity_twins", -np.inf)
+        velocity_twins = velocity_twins - velocity_twins @ rigid.T @ rigid
+    if "density_twins" in snapshots:
+        strain_twins = stiffness * lifted.strain(scene, given("density_twins", 0))
     shares = velocity @ rigid.T
-    velocity_modes, velocity_values = _modes(velocity - shares @ rigid, np.linalg.norm(shares))
-    strain_modes, strain_values = _modes(stiffness * strain)
-    velocity_modes = np.concatenate([rigid, velocity_modes])
-    if not len(velocity_modes) and not np.any(scene.velocity0()):
+    found = _modes(velocity - shares @ rigid, velocity_twins, np.linalg.norm(shares))
+    strain_found = _modes(stiffness * strain, strain_twins)
+    if not len(rigid) and not len(found.modes) and not np.any(scene.velocity0()):
         # Any mode does for a scene at rest; this one does not strain evenly spaced particles.
-        velocity_modes, velocity_values = (mass / np.linalg.norm(mass))[None], np.zeros(1)
+        found = Modes((mass / np.linalg.norm(mass))[None], *np.zeros((3, 1)))
+    velocity_modes = np.concatenate([rigid, found.modes])
     if not len(velocity_modes):
         raise ValueError(
             f"scene {scene.name}: velocity_snapshots: all values are 0 and no translation takes "
@@ -88,27 +97,44 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
     if len(rigid):
         columns, shares_left = np.linalg.qr(velocity_modes.T)
         velocity_modes = (columns * np.sign(np.diag(shares_left))).T
+    # Nothing turns the translation, which is no mode of snapshots.
+    still = np.zeros(len(rigid))
+    velocity_found = Modes(
+        velocity_modes,
+        np.concatenate([np.linalg.norm(shares, axis=0), found.singular_values]),
+        np.concatenate([still, found.rounding]),
+        np.concatenate([still, found.span_rounding]),
+    )
     return {
         "x": scene.positions,
-        "scaled_velocity_modes": velocity_modes,
-        "scaled_strain_modes": strain_modes,
-        "scaled_velocity_singular_values": np.concatenate(
-            [np.linalg.norm(shares, axis=0), velocity_values]
-        ),
-        "scaled_strain_singular_values": strain_values,
+        **named("scaled_velocity", velocity_found),
+        **named("scaled_strain", strain_found),
         "translation": np.array(len(rigid)),
     }
 
 
-def _modes(snapshots, removed=0.0):
+def _modes(snapshots, twins, removed=0.0):
     """Modes of singular values that are not zero, as a matrix's numerical rank counts them.
 
     What was removed from the snapshots, of that size, has left its rounding errors in them.
     """
-    rows, values = proper_modes(snapshots)
-    zero = max(snapshots.shape) * np.finfo(float).eps * np.hypot(values[0], removed)
-    rank = np.count_nonzero(values > zero)
-    return rows[:rank], values[:rank]
+    found = proper_modes(snapshots, twins)
+    largest = found.singular_values[0]
+    zero = max(snapshots.shape) * np.finfo(float).eps * np.hypot(largest, removed)
+    rank = np.count_nonzero(found.singular_values > zero)
+    return Modes(*(array[:rank] for array in found))
+
+
+def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np.ndarray:
+    """Whether models with so many modes depend on them to more than rounding (`pod.resolved`).
+
+    Parameters are those of `build`; array, shape (counts,).
+    """
+    velocity = np.minimum(list(counts), len(modes["scaled_velocity_modes"]))
+    strain = velocity - int(modes["translation"])
+    return resolved(velocity, modes["scaled_velocity_span_rounding"]) & resolved(
+        strain, modes["scaled_strain_span_rounding"]
+    )
 
 
 def build(scene: Scene, modes: Mapping[str, np.ndarray], count: int | None = None) -> "LiftedModel":
@@ -480,6 +506,7 @@ def repeat_sph(
     """
     counts = list(mode_counts)
     arrays = no_errors(counts, "sph", "reference")
+    arrays["modes_resolved"] = modes_resolved(modes, counts)
     for n, count in enumerate(counts):
         prepared = build(scene, modes, count).prepare("lifted_euler")
         try:

@@ -22,6 +22,7 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from sphpod import dataset
+from sphpod.pod import ROUNDING_LEVEL
 
 Arrays = Mapping[str, np.ndarray]
 Look = Mapping[str, Any]  # keyword arguments of Axes.plot
@@ -46,6 +47,8 @@ WORST_ERROR = 1e3
 """A relative error above this, or none at all, only says that the model broke down."""
 
 BREAKDOWN_NOTE = "top edge: error above 10³, or broken down"
+
+UNRESOLVED_LABEL = "modes near rounding"
 
 FIELDS = ("velocity", "density")
 
@@ -270,14 +273,16 @@ def _draw_picture(
 def modes(pod: Arrays, count: int = 12, length: float | None = None) -> Figure:
     """Draw the first modes of velocity and of density as small multiples (figures 3.2, 3.4, ...).
 
-    Above each panel stand its number and its singular value relative to the first; modes at
-    rounding level are grey.
+    Above each panel stand its number and its singular value relative to the first. Modes that
+    rounding turns by more than `pod.ROUNDING_LEVEL` are grey: those of small singular values, and
+    those of equal ones, which rotate freely.
 
     Parameters
     ----------
     pod
         `x` [m]; `velocity_modes`, `density_modes` of shape (mode, x) and unit Euclidean norm;
-        `velocity_singular_values`, `density_singular_values`.
+        `velocity_singular_values`, `density_singular_values`; `velocity_mode_rounding`,
+        `density_mode_rounding`.
     count
         Number of modes shown of each, or all there are.
     length
@@ -319,20 +324,20 @@ def _draw_modes(
     values = pod[f"{field}_singular_values"][:number]
     # Of snapshots that are zero all modes are noise, with nothing that they are a part of.
     relative = values / values[0] if values[0] else np.zeros(number)
+    resolved = pod[f"{field}_mode_rounding"][:number] <= ROUNDING_LEVEL
     # Noise may stick out, so that it does not flatten the modes that matter.
-    limit = np.abs(shapes).max()
-    if relative[0]:
-        limit = min(limit, 1.5 * np.abs(shapes[relative >= ROUNDING]).max())
-    limit *= 1.12
+    known = shapes[resolved] if resolved.any() else shapes
+    limit = 1.12 * min(np.abs(shapes).max(), 1.5 * np.abs(known).max())
     colour = {"velocity": BLUE, "density": VERMILLION}[field]
-    for index, (shape, weight) in enumerate(zip(shapes, relative, strict=True)):
+    panels = zip(shapes, relative, resolved, strict=True)
+    for index, (shape, weight, is_known) in enumerate(panels):
         row, column = divmod(index, grid.ncols)
         axes = figure.add_subplot(grid[row, column], xlim=(0, length), ylim=(-limit, limit))
         axes.axhline(0, color=GREY, linewidth=0.4)
         axes.plot(
             np.append(x, length),
             np.append(shape, shape[0]),
-            color=colour if weight >= ROUNDING else GREY,
+            color=colour if is_known else GREY,
         )
         ratio = f"σ{str(index + 1).translate(SUBSCRIPTS)}/σ₁ = {shortened(weight)}"
         if not values[0]:
@@ -383,14 +388,15 @@ COMPARISONS: tuple[tuple[str, str, Look, Look], ...] = (
 def error(pod: Arrays, sweep: Arrays, errors: Arrays, reference: str) -> Figure:
     """Draw singular values, and errors against the number of modes (figures 3.3, 3.5, ...).
 
-    An error that is not finite, or above 10³, stands as a marker on the top edge.
+    An error that is not finite, or above 10³, stands as a marker on the top edge. Errors of models
+    whose modes are not resolved are grey: they may change with the processor.
 
     Parameters
     ----------
     pod
         `velocity_singular_values`, `density_singular_values`.
     sweep
-        `mode_count` and, at each, `velocity_error_sph`, `density_error_sph`,
+        `mode_count` and, at each, `modes_resolved`, `velocity_error_sph`, `density_error_sph`,
         `velocity_error_reference`, `density_error_reference` of the original reduced model.
     errors
         `solution`, `reference`, `velocity_error`, `density_error` of shape (solution, reference).
@@ -425,7 +431,9 @@ def _draw_singular_values(axes: Axes, pod: Arrays) -> None:
 
 
 def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> None:
-    counts = sweep["mode_count"]
+    counts, resolved = sweep["mode_count"], sweep["modes_resolved"].astype(bool)
+    # A grey line begins and ends where the coloured one does.
+    beside = np.convolve(~resolved, (True, True, True), "same").astype(bool)
     drawn = []
     broken_anywhere = False
     for place, (field, symbol) in enumerate(zip(FIELDS, "vρ", strict=True)):
@@ -440,12 +448,18 @@ def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> N
             values = sweep[f"{field}_error_{suffix}"]
             broken = values > WORST_ERROR
             # The line has a gap where the model broke down, or where the field is zero.
-            axes.plot(counts, np.where(broken, np.nan, values), label=label, **look)
+            shown = np.where(broken, np.nan, values)
+            axes.plot(counts, np.where(resolved, shown, np.nan), label=label, **look)
+            if not resolved.all():
+                grey = {**look, "color": GREY, "zorder": 1.9}
+                axes.plot(counts, np.where(beside, shown, np.nan), **grey)
             drawn.append(values[values <= WORST_ERROR])
             # Side by side, for a model breaks down in everything at once.
             aside = 0.22 * (2 * place + number - 1.5)
             mark_breakdown(axes, counts[broken] + aside, look)
             broken_anywhere |= bool(broken.any())
+    if not resolved.all():
+        axes.plot([], [], color=GREY, marker="o", markersize=2.5, label=UNRESOLVED_LABEL)
     if broken_anywhere:
         axes.set_title(BREAKDOWN_NOTE, loc="right")
     axes.set(xlabel="number of modes k", ylabel="relative L² error")

@@ -21,7 +21,7 @@ import numpy as np
 
 from sphpod import energy, lifted, lifted_rom
 from sphpod.lifted_rom import LiftedModel
-from sphpod.rom import ReducedModel
+from sphpod.rom import ReducedModel, modes_resolved
 from sphpod.scene import Scene
 
 RANDOM_MODES = 20
@@ -108,11 +108,11 @@ def of_samplings(
     Returns
     -------
     dict
-        mode_count; euclidean_growth_rate, of the original and of the frozen model about the
-        initial density as the density modes hold it, the larger; frozen_growth_rate, with
-        coefficients of the snapshots' densities, the largest; euclidean_rounding and
-        frozen_rounding, how far rounding may have moved them; energy_growth_rate and operator_size
-        of the lifted model; each (counts,) [1/s].
+        mode_count; modes_resolved, of both kinds of modes; euclidean_growth_rate, of the
+        original and of the frozen model about the initial density as the density modes hold it, the
+        larger; frozen_growth_rate, with coefficients of the snapshots' densities, the largest;
+        euclidean_rounding and frozen_rounding, how far rounding may have moved them;
+        energy_growth_rate and operator_size of the lifted model; each (counts,) [1/s].
     """
     counts = list(mode_counts)
     found = []
@@ -128,7 +128,12 @@ def of_samplings(
         "euclidean_growth_rate", "euclidean_rounding", "frozen_growth_rate", "frozen_rounding",
         "energy_growth_rate", "operator_size",
     )  # fmt: skip
-    return {"mode_count": np.array(counts)} | dict(zip(names, np.array(found).T, strict=True))
+    resolved = modes_resolved(modes, counts) & lifted_rom.modes_resolved(energy_modes, counts)
+    return {
+        "mode_count": np.array(counts),
+        "modes_resolved": resolved,
+        **dict(zip(names, np.array(found).T, strict=True)),
+    }
 
 
 def _size(operator):
@@ -296,8 +301,10 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
         As from `of_samplings`.
     """
     for n, count in enumerate(arrays["mode_count"]):
-        numbers = {name: float(arrays[name][n]) for name in arrays if name != "mode_count"}
-        yield {**place, "modes": int(count), **numbers}
+        counted = ("mode_count", "modes_resolved")
+        numbers = {name: float(arrays[name][n]) for name in arrays if name not in counted}
+        resolved = bool(arrays["modes_resolved"][n])
+        yield {**place, "modes": int(count), "modes_resolved": resolved, **numbers}
 
 
 def random_row(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:

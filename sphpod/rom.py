@@ -24,6 +24,7 @@ import numpy as np
 
 from sphpod.compiled import compiled, compiled_sums
 from sphpod.error import FIELDS, Projection
+from sphpod.pod import resolved
 from sphpod.scene import ABSENT, Scene
 from sphpod.stability import RESOLVED, Breakdown, first_broken
 
@@ -261,7 +262,7 @@ def sweep(
     mode_counts : ints
         Modes for velocity and density each, or all there are.
     modes : dict
-        velocity_modes, density_modes (one a row).
+        velocity_modes, density_modes (one a row), velocity_span_rounding, density_span_rounding.
     sph, reference : dict
         velocity and density, each projected on all those modes (``error.project``).
 
@@ -269,8 +270,9 @@ def sweep(
     -------
     dict
         mode_count, velocity_error_sph, density_error_sph, velocity_error_reference,
-        density_error_reference, breakdown_time [s] (NaN where none), each of shape (counts,); and
-        for a single count t, velocity_coordinates, density_coordinates.
+        density_error_reference, breakdown_time [s] (NaN where none), modes_resolved, as from
+        `modes_resolved`, each of shape (counts,); and for a single count t,
+        velocity_coordinates, density_coordinates.
 
     Raises
     ------
@@ -280,7 +282,10 @@ def sweep(
     """
     counts = list(mode_counts)
     steps = scene.error_steps
-    arrays: dict[str, np.ndarray] = {"mode_count": np.array(counts)}
+    arrays: dict[str, np.ndarray] = {
+        "mode_count": np.array(counts),
+        "modes_resolved": modes_resolved(modes, counts),
+    }
     errors = {
         f"{field}_error_{against}": np.full(len(counts), np.inf)
         for against in ("sph", "reference")
@@ -372,8 +377,9 @@ def accelerate(
     Returns
     -------
     dict
-        contender and n_freeze (contenders,), mode_count (counts,), acceleration_velocity_error and
-        acceleration_density_error (contenders, counts); infinite where a model broke down.
+        contender and n_freeze (contenders,), mode_count and modes_resolved (counts,),
+        acceleration_velocity_error and acceleration_density_error (contenders, counts); infinite
+        where a model broke down.
     """
     contenders, counts = acceleration_contenders(n_freeze), list(mode_counts)
     errors = {field: np.full((len(contenders), len(counts)), np.inf) for field in FIELDS}
@@ -387,7 +393,27 @@ def accelerate(
         "contender": np.array(contenders),
         "n_freeze": np.array([freeze_steps(method) for method in contenders]),
         "mode_count": np.array(counts),
+        "modes_resolved": modes_resolved(modes, counts),
     } | {f"acceleration_{field}_error": errors[field] for field in FIELDS}
+
+
+def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np.ndarray:
+    """Whether models with so many modes depend on them to more than rounding (`pod.resolved`).
+
+    Parameters
+    ----------
+    modes : dict
+        velocity_span_rounding, density_span_rounding.
+    counts : ints
+        Modes for velocity and density each, or all there are.
+
+    Returns
+    -------
+    bool array, shape (counts,)
+    """
+    counts = list(counts)
+    velocity, density = (resolved(counts, modes[f"{field}_span_rounding"]) for field in FIELDS)
+    return velocity & density
 
 
 def _model(scene, method, modes, count):

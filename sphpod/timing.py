@@ -126,6 +126,7 @@ def benchmark_columns(measured: Mapping[str, np.ndarray]) -> dict[str, Any]:
     return {
         "method": measured["contender"],
         "modes": measured["contender_mode_count"],
+        "modes_resolved": measured["contender_modes_resolved"].astype(bool),
         "n_freeze": measured["n_freeze"],
         "integrator": measured["integrator"],
         "particle_count": measured["contender_particle_count"],

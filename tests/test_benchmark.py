@@ -213,6 +213,7 @@ def test_baselines_are_chosen_from_a_table():
         "contender_particle_count": np.array(count),
         "contender_time_step": np.array(step),
         "contender_mode_count": np.array(modes),
+        "contender_modes_resolved": np.array(modes) == 0,
         "contender_tolerance": np.full(7, np.nan),
         "n_freeze": np.zeros(7, int),
         "velocity_error_exact": np.array(velocity),

@@ -27,6 +27,7 @@ def certified(differences, bounds):
     bounds = np.array(bounds)
     return {
         "mode_count": 2 * np.arange(1, bounds.size + 1),
+        "modes_resolved": (np.arange(bounds.size) < 2).astype(np.int8),
         "difference_from_best": np.array(differences),
         "energy_error_bound": bounds,
         "energy_error_lifted": bounds / 4,
@@ -80,10 +81,26 @@ def test_from_where_a_model_works_it_goes_on_to(pairs):
         assert works_from == 1 or not works[works_from - 2]
 
 
+@pytest.mark.parametrize(
+    ("resolved", "told"),
+    [
+        ([1, 1, 1, 1, 1], "-"),
+        ([1, 1, 1, 0, 0], "7-8"),
+        ([1, 0, 1, 0, 0], "5, 7-8"),
+        ([0, 0, 1, 1, 0], "4-5, 8"),
+    ],
+)
+def test_mode_counts_near_rounding_are_told(resolved, told):
+    flags = np.array(resolved, np.int8)
+    sweep = {"mode_count": np.arange(4, 9), "modes_resolved": flags}
+    assert comparison.near_rounding(sweep) == told
+
+
 def test_effectivity_is_bound_over_error():
     rows = list(comparison.effectivities(PLACE, certified([0.1, 0], [0.4, 0.02])))
     assert rows[1] == PLACE | {
         "modes": 4,
+        "modes_resolved": True,
         "energy_error_lifted": 0.005,
         "energy_error_bound": 0.02,
         "effectivity": pytest.approx(4),
@@ -106,6 +123,7 @@ def test_certificates_are_those_of_the_smallest_model_that_meets_a_tolerance():
     assert rows[1] == PLACE | {
         "tolerance": 1e-2,
         "modes": 6,
+        "modes_resolved": False,
         "difference_from_best": 0.004,
         "energy_error_bound": 0.008,
         "verdict": "certified",

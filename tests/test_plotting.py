@@ -38,7 +38,10 @@ def solution(damping: float = 0.0, particles: int = 80, samples: int = 401) -> A
 
 
 def pod(velocity_modes: int = 30, density_modes: int = 30, particles: int = 80) -> Arrays:
-    """Orthonormal modes whose singular values fall by four orders of magnitude a mode."""
+    """Orthonormal modes whose singular values fall by four orders of magnitude a mode.
+
+    Rounding turns those from the fifth on.
+    """
     shapes = np.linalg.qr(np.random.default_rng(1).normal(size=(particles, particles)))[0]
     return {
         "x": np.arange(particles) / particles,
@@ -46,6 +49,8 @@ def pod(velocity_modes: int = 30, density_modes: int = 30, particles: int = 80) 
         "density_modes": shapes[:density_modes],
         "velocity_singular_values": 0.03 * 1e-4 ** np.arange(velocity_modes),
         "density_singular_values": 90 * 1e-4 ** np.arange(density_modes),
+        "velocity_mode_rounding": np.where(np.arange(velocity_modes) < 4, 1e-3, 0.1),
+        "density_mode_rounding": np.where(np.arange(density_modes) < 4, 1e-3, 0.1),
     }
 
 
@@ -53,6 +58,7 @@ def sweep(count: int = 20) -> Arrays:
     falling = 10.0 ** -np.linspace(-1, 9, count)
     return {
         "mode_count": np.arange(1, count + 1),
+        "modes_resolved": np.ones(count, np.int8),
         "velocity_error_sph": falling,
         "density_error_sph": 1e-2 * falling,
         "velocity_error_reference": falling + 0.06,
@@ -190,6 +196,13 @@ def broken_error() -> Figure:
     return plotting.error(pod(), broken, errors(), "fd")
 
 
+def unresolved_error() -> Figure:
+    noisy = sweep()
+    noisy["modes_resolved"][[4, *range(9, 20)]] = 0
+    noisy["velocity_error_sph"][12] = np.inf
+    return plotting.error(pod(), noisy, errors(), "fd")
+
+
 def phase() -> Figure:
     exact, sph = solution(), solution(samples=801)
     return plotting.phase(sph, exact, exact, position=0.3, beta=1.0224)
@@ -210,6 +223,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "error": lambda: plotting.error(pod(), sweep(), errors(), "fd"),
     "error, few modes": lambda: plotting.error(pod(3, 4), sweep(4), errors(), "exact"),
     "error, breakdown": broken_error,
+    "error, near rounding": unresolved_error,
     "acceleration": lambda: plotting.acceleration(*study(), errors(), "fd"),
     "acceleration, one mode count": lambda: plotting.acceleration(*study((12,)), errors(), "fd"),
     "acceleration, quick": lambda: plotting.acceleration(*study(seconds=1e-4), errors(), "fd"),
@@ -325,9 +339,8 @@ def test_modes_panels(counts: tuple[int, int], shown: tuple[int, int]) -> None:
         assert len({axes.get_ylim() for axes in block}) == 1
 
 
-def test_modes_at_rounding_level_are_grey() -> None:
+def test_modes_that_rounding_turns_are_grey() -> None:
     figure = plotting.modes(pod())
-    # The fall by 1e-4 a mode reaches 1e-12 at the fourth, 1e-16 at the fifth.
     colours = [axes.lines[-1].get_color() for axes in figure.axes]
     assert colours[:4] == [plotting.BLUE] * 4
     assert colours[4:12] == [plotting.GREY] * 8
@@ -355,6 +368,35 @@ def test_error_panels() -> None:
     assert len({colour for colour, _, _ in looks}) == len(looks) == 6
     assert len({marker for _, _, marker in looks} - {"None", ""}) == 4
     assert len({line for _, line, _ in looks}) == 4
+
+
+def test_errors_of_modes_near_rounding_are_grey() -> None:
+    figure = unresolved_error()
+    right = figure.axes[1]
+    assert right.get_legend_handles_labels()[1][-1] == plotting.UNRESOLVED_LABEL
+    known = np.setdiff1d(np.arange(20), [4, *range(9, 20)])
+    for colour, marker in (
+        (plotting.BLUE, "o"),
+        (plotting.SKY, "^"),
+        (plotting.VERMILLION, "s"),
+        (plotting.ORANGE, "D"),
+    ):
+        coloured = next(line for line in curves(right, colour) if len(x_of(line)) == 20)
+        np.testing.assert_array_equal(np.flatnonzero(np.isfinite(y_of(coloured))), known)
+        (grey,) = (
+            line
+            for line in curves(right, plotting.GREY)
+            if line.get_marker() == marker and len(x_of(line)) == 20
+        )
+        assert grey.get_zorder() < coloured.get_zorder()
+        # Grey lines lead to the coloured ones, beneath them, and have gaps where models broke down.
+        there = [3, 4, 5, 8, *range(9, 20)]
+        if colour == plotting.BLUE:
+            there.remove(12)
+        np.testing.assert_array_equal(np.flatnonzero(np.isfinite(y_of(grey))), there)
+    assert not [
+        line for line in FIGURES["error"]().axes[1].lines if line.get_color() == plotting.GREY
+    ]
 
 
 def test_breakdown_is_marked_on_the_top_edge() -> None:

@@ -18,7 +18,7 @@ sizes = st.integers(1, 12)
 def test_modes_are_orthonormal_signed_and_optimal(n, count, seed):
     rng = np.random.default_rng(seed)
     snapshots = rng.standard_normal((n, count)) * 10.0 ** rng.uniform(-6, 6)
-    modes, values = pod.modes(snapshots)
+    modes, values, *_ = pod.modes(snapshots)
     np.testing.assert_allclose(modes @ modes.T, np.eye(len(modes)), atol=1e-12)
     assert np.all(np.diff(values) <= 0)
     size = np.abs(modes)
@@ -40,8 +40,65 @@ def test_the_sign_does_not_hang_on_rounding():
     for noise in (0, 1e-15, -1e-15):
         disturbed = wave.copy()
         disturbed[0, 30] -= noise
-        modes, _ = pod.modes(disturbed)
+        modes = pod.modes(disturbed).modes
         assert modes[0, 10] > 0
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(-15, -3))
+def test_odd_modes_have_one_sign_however_they_are_rounded(seed, noise):
+    """Both extremes of an odd mode are equal, and noise alone makes one of them larger."""
+    rng = np.random.default_rng(seed)
+    x = np.arange(60) / 60
+    odd = np.linalg.qr(np.sin(2 * np.pi * np.outer(np.arange(1, 7), x)).T)[0]
+    odd = odd @ np.linalg.qr(rng.standard_normal((6, 6)))[0]
+    times = np.linalg.qr(rng.standard_normal((20, 6)))[0]
+    exact = times * 10.0 ** -np.arange(0, 18, 3) @ odd.T
+
+    def rounded():
+        return exact + 10.0**noise * rng.standard_normal(exact.shape) / 60
+
+    first, second = (pod.modes(rounded(), rounded()) for _ in range(2))
+    known = np.maximum(first.rounding, second.rounding) <= pod.ROUNDING_LEVEL
+    assert known[0]
+    alike = np.sum(first.modes * second.modes, axis=1)
+    assert np.all(alike[known] > 0.99)
+
+
+@given(st.integers(1, 5), st.floats(1e-9, 1.5), st.integers(0, 2**32 - 1))
+def test_a_mode_turned_by_an_angle_turns_its_own_span_alone(k, angle, seed):
+    rng = np.random.default_rng(seed)
+    axes = np.linalg.qr(rng.standard_normal((30, 30)))[0].T
+    times = np.linalg.qr(rng.standard_normal((8, 6)))[0]
+    snapshots = times * 2.0 ** -np.arange(6) @ axes[:6]
+    turned = axes[:6].copy()
+    turned[k - 1] = np.cos(angle) * axes[k - 1] + np.sin(angle) * axes[k]
+    turned[k] = np.cos(angle) * axes[k] - np.sin(angle) * axes[k - 1] if k < 6 else 0
+    found = pod.modes(snapshots, times * 2.0 ** -np.arange(6) @ turned)
+    by_mode, by_span = np.zeros(8), np.zeros(8)
+    by_mode[[k - 1, k]] = 2 * np.sin(min(angle, np.pi - angle) / 2)
+    by_span[k - 1] = np.sin(angle)
+    np.testing.assert_allclose(found.rounding[:6], by_mode[:6], atol=1e-12)
+    np.testing.assert_allclose(found.span_rounding[:6], by_span[:6], atol=1e-12)
+
+
+def test_modes_of_equal_singular_values_rotate_freely_within_their_span():
+    axes = np.linalg.qr(np.random.default_rng(0).standard_normal((30, 30)))[0][:3]
+    values = np.diag([1, 1 - 1e-10, 1e-3])
+    mixing = np.eye(3)
+    mixing[:2, :2] = np.array([[1, 1], [-1, 1]]) / np.sqrt(2)
+    snapshots, twins = values @ axes, mixing.T @ values @ mixing @ axes
+    assert np.abs(snapshots - twins).max() < 1e-10
+    found = pod.modes(snapshots, twins)
+    np.testing.assert_allclose(found.rounding[:2], 2 * np.sin(np.pi / 8), atol=1e-4)
+    assert pod.resolved([0, 1, 2, 3, 4], found.span_rounding).tolist() == [True, False] + [True] * 3
+
+
+def test_modes_of_small_singular_values_are_turned_by_the_decomposition_alone():
+    rng = np.random.default_rng(0)
+    times, axes = (np.linalg.qr(rng.standard_normal((40, 40)))[0] for _ in range(2))
+    found = pod.modes(times * 10.0 ** -np.arange(40) @ axes)
+    assert np.all(found.rounding[:10] < 1e-4)
+    assert np.all(found.rounding[17:] > 1e-2)
 
 
 def test_each_field_has_its_own_modes():

@@ -1,6 +1,6 @@
 """Take the snapshots of a sampling out of full SPH."""
 
-from sphpod import dataset, job, snapshots
+from sphpod import dataset, job, rounding, snapshots
 from sphpod.scene import Scene
 
 if __name__ == "__main__":
@@ -10,7 +10,8 @@ if __name__ == "__main__":
     sampling = {"name": snakemake.wildcards.sampling, **snakemake.params.sampling}
     dataset.write(
         snakemake.output[0],
-        snapshots.extract(scene, sampling, dataset.read(snakemake.input.sph)),
+        snapshots.extract(scene, sampling, dataset.read(snakemake.input.sph))
+        | rounding.twins(scene, sampling),
         title=f"Snapshots {sampling['name']} of full SPH of {scene.name}",
         settings=settings | {"sampling": sampling},
         code=snakemake.params.code,

@@ -23,6 +23,7 @@ if __name__ == "__main__":
                 "n_freeze": 0 if method.startswith("lifted") else freeze_steps(method),
                 "threshold": comparison.threshold(sweep, errors[scene]),
                 "works_from": comparison.works_from(sweep, errors[scene]),
+                "near_rounding": comparison.near_rounding(sweep),
             }
         )
     table = pd.DataFrame(rows).astype({"threshold": "Int64", "works_from": "Int64"})
