@@ -646,8 +646,9 @@ def _forced_modes(scene, blocks, damping):
 
     The oscillator x of a mode is carried as the pair x' and ω x.
     """
-    amplitude, k, omega = _spectrum(scene, scene.force_profile)
-    needed = max(1, np.count_nonzero(_tail(amplitude / np.maximum(omega, omega[1])) > TRUNCATION))
+    amplitude, _, omega = _spectrum(scene, scene.force_profile)
+    tail = _tail(amplitude / np.maximum(omega, omega[1]))
+    needed = max(1, int(np.count_nonzero(tail > TRUNCATION)))
     count, outputs = scene.particle_count, scene.error_times.size
     fields = np.zeros((2, outputs, count), complex)
     amplitude[0] /= 2
