@@ -1,8 +1,8 @@
 """Named, self-describing NetCDF files: the only module that writes data.
 
 In memory a dataset is a plain ``dict`` of numpy arrays; `VARIABLES` says what each name
-means. Files are written whole or not at all, and the same arrays and attributes always give the
-same bytes.
+means. Files are written whole or not at all, the same arrays and attributes always give the same
+bytes, and a file is only read if its bytes are those that were written.
 """
 
 import json
@@ -11,10 +11,10 @@ import sys
 import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from functools import cache
+from functools import cache, lru_cache
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 from uuid import uuid4
 
 import netCDF4
@@ -31,12 +31,13 @@ PAPER = (
 )
 
 
+LENGTH_DIGITS = 12
+CHECKSUM_DIGITS = 10
+CHUNK = 1 << 20
+"""How a file ends, and how much of it is read at a time for its checksum: bytes."""
+
 ENERGY_ROOT = "kg0.5 s-1"
 """Unit of the root of an energy on a unit of cross-section, J/m²."""
-
-
-CHECKSUMS = "checksums"
-"""Attribute of the checksums of a file: JSON, a CRC-32 of the attributes and of each variable."""
 
 
 class Variable(NamedTuple):
@@ -441,37 +442,35 @@ def write(
                 changed = np.asarray(values)[np.asarray(values).astype(dtype) != values]
             if changed.size:
                 raise ValueError(f"{name} = {changed[0]} does not fit the type {dtype.__name__}")
-    with whole(path) as partial, netCDF4.Dataset(partial, "w", format="NETCDF4") as file:
-        file.setncatts(
-            {
-                "Conventions": "CF-1.11",
-                "title": title,
-                "source": f"sphpod {__version__}, code {code}; {_environment()}",
-                "references": PAPER,
-                "settings": json.dumps(settings, sort_keys=True, allow_nan=False),
-                **({"job": json.dumps(job, sort_keys=True)} if job else {}),
-                **(attributes or {}),
-            }
-        )
-        checksums = {"attributes": _attributes_checksum(file)}
-        for dim, size in sizes.items():
-            file.createDimension(dim, size)
-        for name, values in arrays.items():
-            meaning = VARIABLES[name]
-            # No fill value: nothing is missing, and pre-filling would write every byte twice.
-            variable: netCDF4.Variable = file.createVariable(
-                name, meaning.dtype, meaning.dims, fill_value=False
-            )
-            texts = {"units": meaning.units, "long_name": meaning.long_name}
-            if meaning.coordinates:
-                texts["coordinates"] = meaning.coordinates
-            variable.setncatts({key: text for key, text in texts.items() if text})
-            stored: np.ndarray = np.asarray(
-                values, object if meaning.dtype is str else meaning.dtype
-            )
-            variable[...] = stored
-            checksums[name] = _checksum(variable, stored)
-        file.setncattr(CHECKSUMS, json.dumps(checksums))
+    told = {
+        "Conventions": "CF-1.11",
+        "title": title,
+        "source": f"sphpod {__version__}, code {code}; {_environment()}",
+        "references": PAPER,
+        "settings": json.dumps(settings, sort_keys=True, allow_nan=False),
+        **(attributes or {}),
+    }
+    with whole(path) as partial:
+        with netCDF4.Dataset(partial, "w", format="NETCDF4") as file:
+            file.setncatts(told)
+            for dim, size in sizes.items():
+                file.createDimension(dim, size)
+            for name, values in arrays.items():
+                _write_variable(file, name, values)
+        _seal(partial, job)
+
+
+def _write_variable(file: netCDF4.Dataset, name: str, values: np.ndarray) -> None:
+    meaning = VARIABLES[name]
+    # No fill value: nothing is missing, and pre-filling would write every byte twice.
+    variable: netCDF4.Variable = file.createVariable(
+        name, meaning.dtype, meaning.dims, fill_value=False
+    )
+    texts = {"units": meaning.units, "long_name": meaning.long_name}
+    if meaning.coordinates:
+        texts["coordinates"] = meaning.coordinates
+    variable.setncatts({key: text for key, text in texts.items() if text})
+    variable[...] = np.asarray(values, object if meaning.dtype is str else meaning.dtype)
 
 
 def read(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndarray]:
@@ -482,17 +481,14 @@ def read(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndarray]:
     KeyError
         For a name that the file does not hold.
     ValueError
-        For a file that is no dataset, or whose content differs from its checksums.
+        For a file that is not, byte by byte, what `write` has written.
     """
-    with _opened(path) as (file, checksums):
+    with _opened(path) as file:
         if missing := [name for name in names if name not in file.variables]:
             raise KeyError(f"{path} holds {', '.join(file.variables)}, but not {missing[0]}")
-        arrays = {name: np.asarray(file[name][...]) for name in names or file.variables}
-        if any(_checksum(file[name], arrays[name]) != checksums[name] for name in arrays):
-            raise ValueError(foreign(path))
         return {
-            name: values.astype(str) if VARIABLES[name].dtype is str else values
-            for name, values in arrays.items()
+            name: file[name][...].astype(str) if VARIABLES[name].dtype is str else file[name][...]
+            for name in names or file.variables
         }
 
 
@@ -501,7 +497,7 @@ def read_samples(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndar
 
     A full solution holds snapshot times too; in a file without ``error_sample`` all times count.
     """
-    with _opened(path) as (file, _):
+    with _opened(path) as file:
         marked = "error_sample" in file.variables
     arrays = read(path, *names, *(["error_sample"] if marked and names else []))
     if not marked:
@@ -517,14 +513,29 @@ def read_samples(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndar
 
 def settings(path: str | os.PathLike[str]) -> dict[str, Any]:
     """The resolved settings that a file comes from."""
-    with _opened(path) as (file, _):
+    with _opened(path) as file:
         return json.loads(file.getncattr("settings"))
 
 
 def job(path: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """What the job that wrote a file was given; None where no job of the workflow wrote it."""
-    with _opened(path) as (file, _):
-        return json.loads(file.getncattr("job")) if "job" in file.ncattrs() else None
+    """What the job that wrote a file was given; None where no job of the workflow wrote it.
+
+    Nothing but the end of the file is read, and no checksum.
+
+    Raises
+    ------
+    ValueError
+        For a file that does not end as `write` ends it.
+    """
+    with open(path, "rb") as file:
+        end = os.fstat(file.fileno()).st_size - LENGTH_DIGITS - CHECKSUM_DIGITS
+        try:
+            file.seek(max(0, end))
+            length = int(file.read(LENGTH_DIGITS))
+            file.seek(max(0, end - length))
+            return json.loads(file.read(length))
+        except ValueError as error:
+            raise ValueError(foreign(path)) from error
 
 
 def foreign(path: str | os.PathLike[str]) -> str:
@@ -533,44 +544,46 @@ def foreign(path: str | os.PathLike[str]) -> str:
 
 
 @contextmanager
-def _opened(path: str | os.PathLike[str]) -> Iterator[tuple[netCDF4.Dataset, dict[str, int]]]:
-    """A file to read, whose attributes are as they were written, and its variables' checksums."""
-    try:
-        with netCDF4.Dataset(path) as file:
-            file.set_auto_maskandscale(False)
-            checksums = json.loads(file.getncattr(CHECKSUMS))
-            if checksums.pop("attributes", None) != _attributes_checksum(file):
-                raise ValueError(CHECKSUMS)
-            if set(checksums) != set(file.variables):
-                raise ValueError(CHECKSUMS)
-            yield file, checksums
-    except (OSError, RuntimeError, AttributeError, IndexError, TypeError, ValueError) as error:
-        # Errors of NetCDF itself have negative numbers; the system's, of a file that is missing or
-        # not to be read, say enough.
-        if isinstance(error, OSError) and (error.errno or 0) > 0:
-            raise
-        raise ValueError(foreign(path)) from error
+def _opened(path: str | os.PathLike[str]) -> Iterator[netCDF4.Dataset]:
+    stat = os.stat(path)
+    # Before HDF5 sees the file: it may go round in a damaged one for ever.
+    if not _is_whole(os.path.abspath(path), stat.st_mtime_ns, stat.st_size):
+        raise ValueError(foreign(path))
+    with netCDF4.Dataset(path) as file:
+        file.set_auto_maskandscale(False)
+        yield file
 
 
-def _attributes_checksum(file: netCDF4.Dataset) -> int:
-    names = (name for name in file.ncattrs() if name != CHECKSUMS)
-    values = ((name, file.getncattr(name)) for name in names)
-    told = {name: value if isinstance(value, str) else float(value) for name, value in values}
-    return zlib.crc32(json.dumps(told).encode())
+def _seal(path: Path, job: Mapping[str, Any] | None) -> None:
+    """End a file: what its job was given, as JSON, the length of that, and a checksum of it all.
 
-
-def _checksum(variable: netCDF4.Variable, values: np.ndarray) -> int:
-    """CRC-32 of what a variable is called, of its shape and attributes, and of its values.
-
-    It finds every change of up to four bytes in a row, and takes a fraction of the time of reading.
+    This is text that stands behind the data, where no reader of NetCDF looks.
     """
-    texts = {name: variable.getncattr(name) for name in variable.ncattrs()}
-    told = json.dumps([variable.name, variable.dimensions, values.shape, texts])
-    if variable.dtype is str:
-        data: Any = json.dumps(values.tolist()).encode()
-    else:
-        data = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
-    return zlib.crc32(data, zlib.crc32(f"{told} {variable.dtype}".encode()))
+    told = f"\n{json.dumps(job, sort_keys=True)}\n".encode()
+    with open(path, "r+b") as file:
+        file.seek(0, os.SEEK_END)
+        file.write(told + f"{len(told):0{LENGTH_DIGITS}d}".encode())
+        size = file.tell()
+        file.seek(0)
+        file.write(_checksum(file, size))
+
+
+@lru_cache
+def _is_whole(path: str, mtime_ns: int, size: int) -> bool:
+    """Whether every byte of a file is as it was written; looked up once for each state of it."""
+    with open(path, "rb") as file:
+        return _checksum(file, size - CHECKSUM_DIGITS) == file.read()
+
+
+def _checksum(file: BinaryIO, size: int) -> bytes:
+    """CRC-32 of the first bytes of a file, after which its position is behind them.
+
+    It finds every change of up to four bytes in a row, in a fraction of the time of reading arrays.
+    """
+    checksum = 0
+    for start in range(0, size, CHUNK):
+        checksum = zlib.crc32(file.read(min(CHUNK, size - start)), checksum)
+    return f" {checksum:08x}\n".encode()
 
 
 @cache

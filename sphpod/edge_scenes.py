@@ -21,7 +21,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sphpod import certificate, energy, lifted, lifted_rom, stability
-from sphpod.enclosure import enclose
 from sphpod.scene import Scene, check, derivative_matrix, step_times
 from sphpod.stability import GROWTH_LIMIT, Breakdown
 
@@ -135,19 +134,11 @@ def work(scene: Scene, integrator: str, time_step: float) -> np.ndarray:
     if integrator == "exact":
         # Of the integral of |f| an upper sum, or rounding would decide where force alone acts.
         grid = step_times(time_step, np.arange(count + 1))
-        added = sum(np.diff(_upper_sums(course, grid)[::stride]) for course in scene.courses())
+        added = sum(np.diff(course.impulse(grid)[::stride]) for course in scene.courses())
     else:
         added = np.add.reduceat(np.abs(amplitude[:-1]), np.arange(0, count, stride)) * time_step
         added /= np.sqrt(1 - (time_step * stability.fastest_wave(scene) / 2) ** 2)
     return np.concatenate([[0.0], np.cumsum(added) * np.linalg.norm(mass * profile)])
-
-
-def _upper_sums(course, grid):
-    """Upper bounds of ∫|f| from the start to the times of a grid, (times,)."""
-    cuts = np.union1d(grid, course.edges)
-    bounds = enclose(course.expression, cuts[:-1], cuts[1:])
-    sizes = np.maximum(np.abs(bounds.low), np.abs(bounds.high)) * np.diff(cuts)
-    return np.concatenate([[0.0], np.cumsum(sizes)])[np.searchsorted(cuts, grid)]
 
 
 def full(

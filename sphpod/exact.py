@@ -471,10 +471,8 @@ def _first_fold(scene, found):
         return _fold_of_layers(scene)
     x, speed, impulse = _fine_grid(scene), _wave_speed(scene), np.zeros(1)
     if not _evenly_forced(scene):
-        points, weights = _quadrature(scene, 0.0)
-        force = np.abs(scene.force_time(t=scene.error_times[:-1, None, None] + points))
-        impulse = np.append(0.0, np.cumsum(np.sum(force * weights, axis=(1, 2))))
-        impulse *= np.ptp(scene.force_profile(x=x))
+        (course,) = scene.courses()
+        impulse = course.impulse(scene.error_times) * np.ptp(scene.force_profile(x=x))
 
     def is_calm(signals, time):
         given = np.interp(time, np.arange(impulse.size) * scene.error_interval, impulse)

@@ -1,10 +1,10 @@
 """What a job of the workflow was given: its rule, inputs and parameters, kept with its results.
 
 Snakemake makes a result anew once its parameters or the set of its inputs have changed, but what
-they were it keeps in a folder of its own, ``.snakemake``. A dataset holds the same in its attribute
-``job``, and the log of any job in a line; so results that have lost that folder are judged alike.
-Paths are told relative to the folder that result and log have in common, so that results are the
-same wherever they are made.
+they were it keeps in a folder of its own, ``.snakemake``. A dataset holds the same at its end, and
+the log of any job in a line; so results that have lost that folder are judged alike. Paths are told
+relative to the folder that result and log have in common, so that results are the same wherever they
+are made.
 """
 
 import hashlib

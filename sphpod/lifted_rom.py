@@ -296,10 +296,8 @@ class LiftedModel:
         velocity, strain = self.coordinates(state)
         lengths = np.hypot(np.linalg.norm(velocity, axis=1), np.linalg.norm(strain, axis=1))
         if scene.force_time is not None:
-            fractions = (np.arange(8 * parts) + 0.5) / (8 * parts)
-            times = scene.error_times[:, None] + interval * fractions
-            force = np.abs(scene.force_time(t=times)).mean(axis=1)
-            lengths += interval * np.linalg.norm(self.force) * force
+            impulse = sum(course.impulse(scene.error_times) for course in scene.courses())
+            lengths[:-1] += np.linalg.norm(self.force) * np.diff(impulse)
         _, stiffness = lifted.energy_weights(scene)
         reach = np.linalg.norm(self.strain_modes / stiffness, axis=0).max()
         if (growth * lengths[:-1] * reach < 0.99).all():

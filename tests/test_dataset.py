@@ -118,47 +118,21 @@ def test_same_data_same_bytes_in_every_process(tmp_path):
 
 
 def spoil(path, content):
-    # A name of its own for each: HDF5 would take a file that it could not open for open still.
-    path = path.with_name(f"{len(list(path.parent.iterdir()))}.nc")
-    path.write_bytes(content)
-    return path
+    spoilt = path.with_name(f"{len(list(path.parent.iterdir()))}.nc")
+    spoilt.write_bytes(content)
+    return spoilt
 
 
-def test_a_flipped_bit_is_found_or_changes_nothing(tmp_path):
-    arrays = solution() | {"solution": np.array(["sph", "fd"]), "folding_amplitude": np.array(0.1)}
-    write(tmp_path / "sph.nc", arrays)
+def test_any_flipped_bit_is_found(tmp_path):
+    write(tmp_path / "sph.nc", solution() | {"solution": np.array(["sph", "fd"])})
     content, draw = (tmp_path / "sph.nc").read_bytes(), random.Random(0)
-    said = []
-    for place in draw.sample(range(len(content)), 400):
+    ends = [*range(20), *range(len(content) - 40, len(content))]
+    for place in ends + draw.sample(range(len(content)), 400):
         flipped = bytearray(content)
         flipped[place] ^= 1 << draw.randrange(8)
         path = spoil(tmp_path / "sph.nc", flipped)
-        try:
-            back, told = dataset.read(path), dataset.settings(path)
-        except ValueError as refusal:
-            said.append(str(refusal).removeprefix(str(path)))
-            continue
-        assert told == SETTINGS
-        assert list(back) == list(arrays)
-        for name, values in arrays.items():
-            np.testing.assert_array_equal(back[name], values)
-    assert set(said) == {": is not what its rule wrote; delete it"}
-    assert len(said) > 100
-
-
-def test_any_other_number_is_found(tmp_path):
-    # The bytes of one number, found in the file by their value.
-    arrays = solution(20, 40)
-    write(tmp_path / "sph.nc", arrays)
-    content = (tmp_path / "sph.nc").read_bytes()
-    old, new = arrays["velocity"][3, 5].tobytes(), np.float64(0).tobytes()
-    assert content.count(old) == 1
-    path = spoil(tmp_path / "sph.nc", content.replace(old, new))
-    for name in ("velocity", "density"):
-        assert dataset.read(tmp_path / "sph.nc", name)
-    with pytest.raises(ValueError, match="is not what its rule wrote; delete it"):
-        dataset.read(path, "velocity")
-    np.testing.assert_array_equal(dataset.read(path, "density")["density"], arrays["density"])
+        with pytest.raises(ValueError, match="is not what its rule wrote; delete it"):
+            dataset.read(path, "x")
 
 
 @pytest.mark.parametrize("part", [0, 0.01, 0.5, 0.999])
@@ -180,6 +154,16 @@ def test_a_file_that_another_tool_changed_or_wrote_is_refused(tmp_path):
     for name in ("sph.nc", "other.nc"):
         with pytest.raises(ValueError, match=f"{name}: is not what its rule wrote; delete it"):
             dataset.settings(tmp_path / name)
+
+
+def test_a_file_that_changes_after_it_was_read_is_looked_at_again(tmp_path):
+    path = tmp_path / "sph.nc"
+    write(path, solution())
+    assert dataset.settings(path) == SETTINGS
+    content = path.read_bytes()
+    path.write_bytes(content.replace(b"waves", b"wives"))
+    with pytest.raises(ValueError, match="is not what its rule wrote; delete it"):
+        dataset.settings(path)
 
 
 def test_what_the_system_says_of_a_file_is_enough(tmp_path):

@@ -16,6 +16,8 @@ import pytest
 import xarray as xr
 import yaml
 
+from sphpod import dataset
+
 ROOT = Path(__file__).parents[1]
 SOURCES = ("Snakefile", "config", "profiles", "sphpod", "workflow")
 # The rules whose results are measured times, and what is computed from those.
@@ -257,6 +259,32 @@ def test_scripts_count_by_what_they_do_and_not_by_their_dates(built):
     with edited(script, "Errors of the accelerated", "The errors of the accelerated"):
         os.utime(script, (0, 0))
         assert planned(built) == {"acceleration", "figure"}
+
+
+def test_a_result_of_other_settings_is_made_anew(built):
+    path = built / "small/results/waves/sph.nc"
+    content, stat = path.read_bytes(), path.stat()
+    given = dataset.job(path)
+    assert given is not None
+    given["params"] = [text.replace("1.04", "1.05") for text in given["params"]]
+    settings = dataset.settings(path) | {"smoothing_ratio": 1.05}
+    dataset.write(path, dataset.read(path), title="", settings=settings, code="", job=given)
+    os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns - 10**9))
+    try:
+        made, said = made_anew(built, "small/results/waves/errors.nc")
+        assert made == ["small/results/waves/errors.nc", "small/results/waves/sph.nc"]
+        assert "'smoothing_ratio': 1.05" in said.partition(" now: ")[0]
+    finally:
+        path.write_bytes(content)
+        os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
+
+
+def test_results_are_the_same_in_any_folder(built, tmp_path):
+    place = "waves/uniform10/snapshots.nc"
+    target = tmp_path / "results" / place
+    run = snakemake(built, "--config", f"output={tmp_path}", "--", target)
+    assert run.returncode == 0, run.stderr
+    assert target.read_bytes() == (built / "small/results" / place).read_bytes()
 
 
 def put_text(path):
