@@ -10,7 +10,6 @@ floating-point numbers. No sample decides, so that no pulse is too short to be s
 from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
-from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
