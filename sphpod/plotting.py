@@ -22,7 +22,6 @@ from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from sphpod import dataset
-from sphpod.pod import ROUNDING_LEVEL
 
 Arrays = Mapping[str, np.ndarray]
 Look = Mapping[str, Any]  # keyword arguments of Axes.plot
@@ -42,6 +41,9 @@ GREEN, PURPLE = "#009E73", "#CC79A7"
 
 ROUNDING = 1e-12
 """A singular value below this fraction of the first is rounding noise."""
+
+TURNED = 1e-2
+"""A mode that rounding turns by more than this, `pod.ROUNDING_LEVEL`, is grey."""
 
 WORST_ERROR = 1e3
 """A relative error above this, or none at all, only says that the model broke down."""
@@ -274,7 +276,7 @@ def modes(pod: Arrays, count: int = 12, length: float | None = None) -> Figure:
     """Draw the first modes of velocity and of density as small multiples (figures 3.2, 3.4, ...).
 
     Above each panel stand its number and its singular value relative to the first. Modes that
-    rounding turns by more than `pod.ROUNDING_LEVEL` are grey: those of small singular values, and
+    rounding turns by more than `TURNED` are grey: those of small singular values, and
     those of equal ones, which rotate freely.
 
     Parameters
@@ -324,7 +326,7 @@ def _draw_modes(
     values = pod[f"{field}_singular_values"][:number]
     # Of snapshots that are zero all modes are noise, with nothing that they are a part of.
     relative = values / values[0] if values[0] else np.zeros(number)
-    resolved = pod[f"{field}_mode_rounding"][:number] <= ROUNDING_LEVEL
+    resolved = pod[f"{field}_mode_rounding"][:number] <= TURNED
     # Noise may stick out, so that it does not flatten the modes that matter.
     known = shapes[resolved] if resolved.any() else shapes
     limit = 1.12 * min(np.abs(shapes).max(), 1.5 * np.abs(known).max())

@@ -92,8 +92,8 @@ def test_from_where_a_model_works_it_goes_on_to(pairs):
 )
 def test_mode_counts_near_rounding_are_told(resolved, told):
     flags = np.array(resolved, np.int8)
-    sweep = {"mode_count": np.arange(4, 9), "modes_resolved": flags}
-    assert comparison.near_rounding(sweep) == told
+    table: dict[str, np.ndarray] = {"mode_count": np.arange(4, 9), "modes_resolved": flags}
+    assert comparison.near_rounding(table) == told
 
 
 def test_effectivity_is_bound_over_error():

@@ -17,6 +17,7 @@ from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure
 
 from sphpod import benchmark_plots, plotting
+from sphpod.pod import ROUNDING_LEVEL
 
 Arrays = dict[str, np.ndarray]
 Settings = dict[str, Any]
@@ -340,6 +341,8 @@ def test_modes_panels(counts: tuple[int, int], shown: tuple[int, int]) -> None:
 
 
 def test_modes_that_rounding_turns_are_grey() -> None:
+    # One level for figures and datasets, though neither's code depends on the other's.
+    assert plotting.TURNED == ROUNDING_LEVEL
     figure = plotting.modes(pod())
     colours = [axes.lines[-1].get_color() for axes in figure.axes]
     assert colours[:4] == [plotting.BLUE] * 4
