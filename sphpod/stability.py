@@ -23,8 +23,8 @@ REPORTED_GROWTH = 1.01
 GROWTH_LIMIT = 1e6
 """Largest growth of a wave over T with which a run is worth starting."""
 
-MOST_DENSE = 400
-"""Particles up to which powers of the step are taken, as dense matrices."""
+MOST_DENSE, MOST_STEPS = 400, 1e9
+"""Particles and steps up to which powers of the step are taken, as dense matrices."""
 
 
 RESOLVED = 0.25
@@ -151,12 +151,14 @@ def growth_factor(scene, time_step=None, limit=GROWTH_LIMIT):
         with np.errstate(over="ignore"):
             return float(np.exp(rate * scene.duration))
 
-    excess = step * fastest_wave(scene) ** 2 - smallest
+    fastest = fastest_wave(scene)
+    excess = step * fastest * fastest - smallest
     growth = bound(excess)
-    if growth > limit:
+    if growth > limit and excess < np.inf:
         growth = bound(_largest_excess(scene, step, excess))
-    if growth > limit and smallest < largest and scene.particle_count <= MOST_DENSE:
-        growth = min(growth, _norm_of_powers(scene, step))
+    uneven = smallest < largest and scene.particle_count <= MOST_DENSE
+    if growth > limit and uneven and scene.duration / step < MOST_STEPS:
+        growth = min(growth, max(1.0, _norm_of_powers(scene, step)))
     return growth
 
 
@@ -183,12 +185,17 @@ def energy_growth(scene):
         return np.nan
     velocity = scene.velocity0()
     weights = scene.density0() * scene.volumes
+    peak = np.abs(velocity).max()
+    if peak == 0:
+        return np.nan
     # Of a density in a step, of its own spacing in floating point.
     variance = np.finfo(float).eps ** 2 / 12
     rounding = np.sum(scene.volumes * scene.modulus()) * variance * scene.step_count
     rounding *= growth_factor(scene) ** 2
-    if not rounding <= 1e-3 * np.sum(weights * velocity**2):
-        return np.nan
+    velocity /= peak
+    with np.errstate(over="ignore"):
+        if not rounding / peak / peak <= 1e-3 * np.sum(weights * velocity**2):
+            return np.nan
     squares, shares = _frequencies_of(scene, velocity)
     return float(shares @ np.exp(np.log1p(scene.time_step**2 * squares) * scene.step_count))
 
@@ -291,6 +298,8 @@ def largest_time_step(scene, growth):
         # The logarithm is nearly proportional to the step, but where it is still zero or jumps:
         # every other part is a half.
         part = 0.5 if part != 0.5 else min(max((-0.2 - below) / (above - below), 0.05), 0.95)
+        if low == 0 and above == 1e3:
+            part = 1e-3
         middle = low + (high - low) * part
         found = excess(middle)
         if found <= 0:
@@ -334,7 +343,7 @@ def _largest_excess(scene, step, bound):
     banded[(row - column)[lower], column[lower]] = -matrix.data[lower]
     low, high = float(-banded[0].min()), float(bound)
     # So close, growth over T is known to a hundredth.
-    while high - low > max(0.02 / scene.duration, 1e-9 * abs(high)):
+    while high - low > max(0.02 / scene.duration, 1e-4 * abs(high)):
         middle = (low + high) / 2
         shifted = banded.copy()
         shifted[0] += middle

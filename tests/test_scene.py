@@ -173,6 +173,22 @@ def any_scene(draw):
     return scene(**changes, damping=damping, **times)
 
 
+@pytest.mark.parametrize("modulus", [1e-300, 1e300])
+@pytest.mark.parametrize(
+    ("size", "damping"), [("1e-320", "where(x < 0.5, 0, 3)"), ("1e300", "0"), ("1e300", "1e200*x")]
+)
+def test_numbers_at_the_ends_of_floating_point_have_bounds_too(modulus, size, damping):
+    case = scene(youngs_modulus=modulus, initial_velocity=f"{size}*sin(2*pi*x/L)", damping=damping)
+    with np.errstate(all="raise", under="ignore"):
+        growth = stability.growth_factor(case)
+        assert growth == (1 if modulus < 1 and "200" not in damping else np.inf)
+        energy = stability.energy_growth(case)
+        assert energy == 1 or not energy < np.inf
+        step = stability.largest_time_step(case, 1e6)
+        assert stability.growth_factor(case, step) <= 1e6
+        assert step == case.duration or stability.growth_factor(case, 1.01 * step) > 1e5
+
+
 @settings(deadline=None, max_examples=80)
 @given(any_scene())
 def test_no_wave_grows_by_more_than_its_bound(case):
