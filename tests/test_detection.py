@@ -1,4 +1,4 @@
-"""Full models see every breakdown at the first output that shows it, and it costs them little."""
+"""Every model sees a breakdown, between outputs too, and it costs full models little."""
 
 from dataclasses import replace
 
