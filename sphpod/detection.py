@@ -1,4 +1,4 @@
-"""What it costs full models to watch for a breakdown at every output.
+"""What it costs full models to watch for a breakdown.
 
 Each is run twice in turns, watching and not, otherwise by the same code on the same arrays; the
 median of the ratios turn by turn is what watching costs, as a drift of the machine's speed meets

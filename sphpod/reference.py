@@ -19,6 +19,7 @@ import numpy as np
 from sphpod.compiled import compiled
 from sphpod.error import FIELDS
 from sphpod.scene import ABSENT, Scene
+from sphpod.sph import SOUND, sound_steps
 from sphpod.stability import Breakdown
 
 logger = logging.getLogger(__name__)
@@ -185,9 +186,11 @@ def _solve(scene, refinement, shift):
     state[0, 1:] = scene.initial_velocity(x=nodes)
     state[0, 0] = state[0, -1]
     state[1, :-1] = density0
+    pace = _fastest_change(modulus, inertia, forces, spacing, dt)
     failed = march(
-        state, material, forces, readers, scene.density0(), compliance, dt, steps, velocity, density
-    )
+        state, material, forces, readers, scene.density0(), compliance, dt, steps, pace, velocity,
+        density,
+    )  # fmt: skip
     if failed >= 0:
         row, particle = divmod(failed, scene.particle_count)
         raise Breakdown(
@@ -329,9 +332,40 @@ def stage(old, base, new, stress, material, forces, sample, dt):
     new_v[0] = new_v[count]
 
 
+def _fastest_change(modulus, inertia, forces, spacing, dt):
+    """How fast strains and velocities of the nodes can grow, as `sph.fastest_change` has it.
+
+    The midpoint rule changes the Jacobian J to J' by J J'/M² Δt s, M that in the middle of a step:
+    by 9 Δt |s| at most while all strains are below one half.
+    """
+    damping, amplitude, profile = forces
+    speed = np.sqrt(modulus.max()) / np.sqrt(inertia.min())
+    push = np.abs(amplitude).max(initial=0.0) * np.abs(profile).max(initial=0.0)
+    z, scale = 6 * speed / spacing * dt, 3 / speed
+    known = z <= 1 and dt * damping.max(initial=0.0) <= 2 and dt * scale * push < np.inf
+    return float(z + z**2) if known else np.inf, float(scale), float(dt * scale * push)
+
+
+@compiled
+def look(v, rho, density0, pace):
+    """First node without finite state and positive J, or -1; and steps not to look again in."""
+    strained, fast, doubts = 0.0, 0.0, 0
+    for j in range(density0.size):
+        strain, speed = abs(density0[j] / rho[j] - 1.0), abs(v[j])
+        strained, fast = max(strained, strain), max(fast, speed)
+        doubts += not strain + 0.0 * speed < SOUND
+    if doubts:
+        for j in range(density0.size):
+            if not (rho[j] > 0 and rho[j] < np.inf and abs(v[j]) < np.inf):
+                return j, 1
+        return -1, 1
+    return -1, sound_steps(max(strained, pace[1] * fast), pace)
+
+
 @compiled
 def march(
-    state, material, forces, readers, particle_density0, compliance, dt, steps, velocity, density
+    state, material, forces, readers, particle_density0, compliance, dt, steps, pace, velocity,
+    density,
 ):  # fmt: skip
     """Midpoint rule; keeps velocity and density at the particles.
 
@@ -343,12 +377,18 @@ def march(
     stress, modulus, density0 = state[6], material[0], material[1]
     nodes, node_weights, cells, cell_weights = readers
     count = velocity.shape[1]
-    done = 0
+    refinement = density0.size // count
+    next_look, done = 1, 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
             stage(old, old, middle, stress, material, forces, 2 * step, dt / 2)
             stage(middle, old, new, stress, material, forces, 2 * step + 1, dt)
             old, new = new, old
+            if step + 1 >= next_look:
+                node, sound = look(old[0][1:], old[1], density0, pace)
+                if node >= 0:
+                    return row * count + node // refinement
+                next_look = step + 1 + sound
         done = steps[row]
         v, rho = old
         for i in range(count):

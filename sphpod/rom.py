@@ -23,9 +23,10 @@ from itertools import groupby, islice
 import numpy as np
 
 from sphpod.compiled import compiled, compiled_sums
-from sphpod.error import FIELDS, Projection
+from sphpod.error import FIELDS, Projection, blocks
 from sphpod.pod import resolved
 from sphpod.scene import ABSENT, Scene
+from sphpod.sph import SOUND
 from sphpod.stability import RESOLVED, Breakdown, first_broken
 
 logger = logging.getLogger(__name__)
@@ -195,30 +196,52 @@ class ReducedModel:
     def _breakdown(self, velocity_coordinates, density_coordinates, steps):
         row, particle = self._broken(velocity_coordinates, density_coordinates)
         if row < 0:
-            steps, row, particle = self._broken_between(steps)
+            steps, row, particle = self._broken_between(steps, density_coordinates)
         if row < 0:
             return None
         model = f"the {self.method} model with {len(self.velocity_modes)} modes"
         return Breakdown(self.scene.name, model, self.scene.times(steps)[row], particle)
 
-    def _broken_between(self, steps):
-        """Steps that resolve the fastest wave of the model at rest, and the first broken of them.
+    def _broken_between(self, steps, density_coordinates):
+        """Steps between those that were kept, and the first broken of them and its particle.
 
-        The model runs again where those that were kept do not.
+        Where what was kept does not resolve the fastest wave of the model at rest, the model runs
+        again and keeps steps that do; where strains of one half are met, it keeps every step.
         """
         kv, widest = len(self.velocity_modes), np.diff(steps, prepend=0).max(initial=0)
+        if widest <= 1:
+            return steps, -1, -1
         operator = self.operator()
         sides = operator[:kv, kv:], operator[kv:, :kv]
-        rate = np.sqrt(np.prod([np.linalg.norm(side) for side in sides]))
-        if widest <= 1 or widest * self.scene.time_step * rate <= RESOLVED:
-            return steps, -1, -1
-        every = max(1, int(RESOLVED / (rate * self.scene.time_step)))
-        finer = np.union1d(steps, np.arange(0, steps[-1] + 1, every)).astype(np.int64)
-        coordinates = [
-            np.empty((finer.size, len(m))) for m in (self.velocity_modes, self.density_modes)
-        ]
-        self.prepare(finer)(*coordinates)
-        return finer, *self._broken(*coordinates)
+        rate = np.sqrt(np.prod([np.linalg.norm(side) for side in sides])) * self.scene.time_step
+        every = max(1, int(min(RESOLVED / rate, widest))) if rate > 0 else widest
+        if every < widest:
+            steps, density_coordinates, found = self._looked_at(steps, every)
+            if found[0] >= 0:
+                return steps, *found
+        if every > 1 and self._strained(density_coordinates):
+            steps, _, found = self._looked_at(steps, 1)
+            return steps, *found
+        return steps, -1, -1
+
+    def _strained(self, density_coordinates):
+        """Whether a strain from the first row on is `SOUND` or more; sees no particle if it can."""
+        reach = np.linalg.norm(self.density_modes, axis=0)
+        first = density_coordinates[0] @ self.density_modes
+        moved = np.linalg.norm(density_coordinates - density_coordinates[0], axis=1)
+        doubts = np.flatnonzero(moved * np.max(reach / first) >= SOUND / (1 + SOUND))
+        return any(
+            np.abs(first / (density_coordinates[doubts[rows]] @ self.density_modes) - 1).max()
+            >= SOUND
+            for rows in blocks(doubts.size)
+        )
+
+    def _looked_at(self, steps, every):
+        steps = np.union1d(steps, np.arange(0, steps[-1] + 1, every)).astype(np.int64)
+        velocity = np.empty((steps.size, len(self.velocity_modes)))
+        density = np.empty((steps.size, len(self.density_modes)))
+        self.prepare(steps)(velocity, density)
+        return steps, density, self._broken(velocity, density)
 
     def _broken(self, velocity_coordinates, density_coordinates):
         """First row and particle without finite state and positive Jacobian J, or (-1, -1).

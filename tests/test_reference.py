@@ -165,6 +165,18 @@ def test_breakdown_names_scene_time_and_particle():
         reference.solve_paper(case)
 
 
+@pytest.mark.parametrize("solve", [reference.solve_paper, reference.solve_centred])
+def test_breakdown_between_outputs_does_not_pass(solve):
+    """Waves that are back where they began at the end, and fold the line on the way."""
+    changes = {"duration": 3.2, "time_step": 2e-3, "youngs_modulus": 0.09765625}
+    for interval in (3.2, 0.02):
+        case = scene(**changes, error_interval=interval, initial_velocity="0.45*sin(2*pi*x/L)")
+        with pytest.raises(Breakdown) as caught:
+            solve(case)
+        assert caught.value.time == pytest.approx(3.2 if interval == 3.2 else 0.42, abs=0.05)
+    solve(scene(**changes, error_interval=3.2, initial_velocity="0.25*sin(2*pi*x/L)"))
+
+
 @pytest.mark.parametrize("changes", [{}, {"force": "1e-3*cos(9*t)"}], ids=["waves", "forced"])
 def test_jittered_particles_are_reached_by_cubics(changes):
     """With an error of fourth order, that of the differences themselves is of second."""
