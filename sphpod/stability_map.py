@@ -23,9 +23,13 @@ from sphpod.limits import (
 )
 from sphpod.scene import Scene
 from sphpod.spectrum import euler_limits, frequencies, splitting_limit, wave_rates
+from sphpod.stability import fastest_wave
 
 MAPPED = ("explicit_euler", "leapfrog")
 """Integrators of the map over damping."""
+
+NO_WAVE = 1e-9
+"""Frequency below which a motion is no wave, of the scene's fastest."""
 
 MAP_RUN, REDUCED_MAP_RUN = (10, 400), (1, 2000)
 """Steps from output to output, and outputs, of the runs of a map."""
@@ -122,7 +126,11 @@ def of_modes(
     if finite.size:
         span = finite.min() / 3, finite.max() * 3
     else:
-        span = 0.01 / fastest.max(), 3 / fastest.min()
+        # A translation is no wave, and may be all that a model holds.
+        of_scene = fastest_wave(scene)
+        waves = fastest[fastest > NO_WAVE * of_scene]
+        waves = waves if waves.size else np.array([of_scene])
+        span = 0.01 / waves.max(), 3 / waves.min()
     time_steps = np.geomspace(*span, size)
     growths = np.empty((2, len(counts), size))
     for at, (march, state) in runs.items():

@@ -17,6 +17,7 @@ from sphpod import (
     growth,
     lifted,
     lifted_rom,
+    limits,
     plotting,
     pod,
     poor_snapshots,
@@ -24,6 +25,8 @@ from sphpod import (
     rom,
     snapshots,
     sph,
+    stability,
+    stability_map,
     stability_plots,
 )
 
@@ -31,13 +34,13 @@ pytestmark = pytest.mark.filterwarnings("error")
 
 SAMPLING = {"range": [0, 0.5], "count": 6}
 COUNTS = [1, 2, 6]
-STILL = {
+STILL: dict[str, dict[str, Any]] = {
     "still": {"initial_velocity": 0},
     "still and damped": {"initial_velocity": 0, "damping": VARIED["damping"]},
     "still and jittered": {"initial_velocity": 0, "positions": {"jitter": 0.2}},
     "force of zero": {"initial_velocity": 0, "force": "0*t"},
 }
-LATE = {
+LATE: dict[str, dict[str, Any]] = {
     "late": {"initial_velocity": 0, "force": "where(t < 0.8, 0, 1e-3)"},
     "late profile": {
         "initial_velocity": 0,
@@ -49,11 +52,11 @@ LATE = {
         "positions": {"jitter": 0.2},
     },
 }
-CONSTANT = {
+CONSTANT: dict[str, dict[str, Any]] = {
     "constant": {"initial_velocity": 1e-3},
     "constant and graded": {"initial_velocity": 1e-3, "initial_density": VARIED["initial_density"]},
 }
-SCENES: dict[str, dict[str, Any]] = {**STILL, **LATE, **CONSTANT}
+SCENES = STILL | LATE | CONSTANT
 every = pytest.mark.parametrize("name", SCENES)
 
 
@@ -184,3 +187,17 @@ def test_all_modes_are_those_of_the_snapshots_and_one_of_translation():
     full = sph.solve(case, snapshots.output_steps(case, [sampling]))
     modes = lifted_rom.decompose(case, snapshots.extract(case, sampling, full))
     assert certificate.choose(case, 0.5, modes)["best_mode_count"] == 13
+
+
+@pytest.mark.parametrize("name", ["late", "constant"])
+def test_models_without_a_wave_have_maps_and_limits(name):
+    case, _, taken, *_ = solved(name)
+    modes, energy_modes = pod.decompose(taken), lifted_rom.decompose(case, taken)
+    mapped = stability_map.of_modes(case, [1, 2], modes, energy_modes, 3)
+    # From a hundredth of the period of the scene's fastest wave, as there is none of the model's.
+    ends = np.array([0.01, 3]) / stability.fastest_wave(case)
+    np.testing.assert_allclose(mapped["map_time_step"][[0, -1]], ends)
+    assert not mapped["mode_growth"][1].any()
+    check_layout(stability_plots.stability_map(stability_map.of_damping(case, 3), mapped))
+    found = limits.reduced(case, [2], modes, energy_modes)
+    check_layout(stability_plots.limits({(case.name, "early"): found}))

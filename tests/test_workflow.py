@@ -587,17 +587,6 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
             "figure = benchmark_scaling: this is the name of kind scaling, scene waves and of kind",
         ),
         (
-            [
-                "--config",
-                "scenes={graded: {samplings: {x_y: {range: [0, 1], count: 9}}}, graded_x: "
-                "{domain_length: 1, duration: 1, initial_velocity: 0, initial_density: 1, "
-                "youngs_modulus: 0.1, particle_count: 20, smoothing_ratio: 1.04, time_step: 0.01, "
-                "error_interval: 0.1, figures: [], samplings: {y: {range: [0, 1], count: 5}}}}",
-                "stability={map: {graded: x_y, graded_x: y}}",
-            ],
-            "figure = stability_map_graded_x_y: this is the name of kind stability_map, scene",
-        ),
-        (
             ["--", "small/results/damped_forced/few/lifted_exact/k6.nc"],
             "scene damped_forced: modes = 6: more modes than the larger snapshot set of sampling "
             "few holds; allowed are 1 to 5",
@@ -617,6 +606,45 @@ def test_bad_input_stops_before_any_job(built, arguments, sentence):
     assert len(said) == 1
     assert said[0].removeprefix("sphpod: ").startswith(sentence)
     assert "Traceback" not in run.stderr
+
+
+@pytest.mark.parametrize(
+    ("study", "name"), [("map", "stability_map_a_b_c"), ("acceleration", "benchmark_a_b_c")]
+)
+def test_figures_of_scenes_and_samplings_whose_joined_names_are_one_are_refused(
+    built, tmp_path, study, name
+):
+    """Not drawn over each other; nothing but figures has a joined name."""
+    scene = yaml.safe_load((built / "config/small.yaml").read_text())["scenes"]["waves"]
+    models = {"mode_counts": [2], "n_freeze": [1]}
+    pairs = {"a_b": "c", "a": "b_c", "random": "a"}
+    scenes = {
+        one: scene
+        | {"samplings": {sampling: {"range": [0, 1], "count": 5}}, "figures": []}
+        | {"acceleration": {sampling: models} if study == "acceleration" else {}}
+        for one, sampling in pairs.items()
+    }
+    stability = {"map": pairs if study == "map" else {}, "amplitude": {}, "snapshots": {}}
+    settings = {"output": "own", "scenes": scenes, "stability": stability}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings, sort_keys=False))
+    config = ["--dry-run", "--configfile", str(tmp_path / "own.yaml")]
+    run = subprocess.run(command(*config), cwd=built, capture_output=True, text=True, check=False)
+    assert run.returncode == 1
+    said = [line for line in run.stderr.splitlines() if line.startswith("sphpod: ")]
+    assert len(said) == 1
+    assert said[0].startswith(f"sphpod: figure = {name}: this is the name of kind")
+    assert "scene a_b, sampling c" in said[0]
+    assert "scene a, sampling b_c" in said[0]
+    stability["map"] = {}
+    for one in scenes.values():
+        one["acceleration"] = {}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings, sort_keys=False))
+    run = subprocess.run(
+        command(*config, "--", "stability"), cwd=built, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    for one, sampling in pairs.items():
+        assert f"own/results/{one}/{sampling}/operators.nc" in run.stdout + run.stderr
 
 
 def test_a_failing_job_says_why_in_one_sentence(built):
