@@ -198,7 +198,7 @@ def sound_steps(size, pace):
     growth, _, push = pace
     if not size < SOUND:
         return 1
-    size = max(size, SOUND / 10)
+    size = max(size, SOUND / 100)
     steps = np.log(SOUND / size) / (growth + push / size)
     return max(1, int(min(steps, 1e9)))
 
