@@ -14,6 +14,7 @@ from sphpod.error_bound import FullModel, error_bounds
 from sphpod.scene import Scene
 from sphpod.stability import Breakdown
 
+
 def certify(
     scene: Scene,
     mode_counts: Iterable[int],
