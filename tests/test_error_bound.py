@@ -103,7 +103,7 @@ def random_models(draw):
     return LiftedModel(case, first[:k], second[: max(1, k - 1)], 0), wave
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=20)
 @given(random_models(), st.booleans())
 def test_bounds_are_never_below_the_error(drawn, whole):
     """Whatever the scene, its outputs, the modes and their number."""
