@@ -185,9 +185,7 @@ VARIABLES = _fields() | {
     "energy_error_bound": Variable(
         ("mode_count",), "1", "bound of the largest energy norm of the error, of the largest norm"
     ),
-    "residual_bound": Variable(
-        ("mode_count",), "1", "the same bound from the residual alone, without corrected modes"
-    ),
+    "residual_bound": Variable(("mode_count",), "1", "the same bound from the residual alone"),
     "difference_from_best": Variable(
         ("mode_count",), "1", "largest energy norm of the difference from the model with all modes"
     ),

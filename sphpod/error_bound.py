@@ -25,10 +25,11 @@ such part it reads |ε(t)| ≤ |ε(s)| + ∫|r|. Both grow with |ε(s)|; so, fro
 smaller of the two may be taken, each from the bound before. A decay of ε by exp(-d t) is not to be
 had: damping acts on the velocity alone, and a wave that is slow beside it keeps its strain.
 
-**Enrichment.** If x⁺ is the solution of any other model, |x - S z| ≤ |x⁺ - S z| + |x - x⁺|. One with
-the modes of this model, their changes X, the start, the force and its response knows most of the
-error, and its own bound is so much the smaller. Its modes contain the others, so |x⁺ - S z| is the
-length of a difference of coordinates.
+**Enrichment.** If x⁺ is the solution of any other model, |x - S z| ≤ |x⁺ - S z| + |x - x⁺|. One
+with the modes of this model, their changes X, the start, the force and its response knows most of
+the error, and its own bound is so much the smaller. Its modes contain the others, so |x⁺ - S z| is
+the length of a difference of coordinates. Where that is not sharp, the richer model is enriched in
+turn.
 
 **Integrals.** Times are a grid of the bound's own, as fine as the motion needs, whatever the
 outputs are. With y the values at the ends of a step δ, and within it
@@ -47,10 +48,10 @@ that + 2κ: κ itself, and as r̄ is off by κ at the end. Hence, and by Minkows
 
     β = Σ |r̄⁽ⁿ⁾| δⁿ⁻²/(n - 2)!, n = 2 … q - 1,  + sup |r̄⁽ᑫ⁾| δᑫ⁻²/(q - 2)!.
 
-As (z⁽ⁿ⁾)' = M z⁽ⁿ⁾ + h p̄⁽ⁿ⁾ and no block of M lets its length grow, each block of z⁽ᑫ⁾ is within the
-step at most as long as at its beginning, and by what the force adds. Sums of Chebyshev coefficients
-bound p̄⁽ⁿ⁾ and how far p strays. The grid is refined until β and κ matter little. Where f is not p,
-∫|f - p| times |F| is added.
+As (z⁽ⁿ⁾)' = M z⁽ⁿ⁾ + h p̄⁽ⁿ⁾ and no block of M lets its length grow, each block of z⁽ᑫ⁾ is within
+the step at most as long as at its beginning, and by what the force adds. Sums of Chebyshev
+coefficients bound p̄⁽ⁿ⁾ and how far p strays. The grid is refined until β and κ matter little. Where
+f is not p, ∫|f - p| times |F| is added.
 
 All norms are of QR factors of the size of the reduced model; a Gram matrix would lose half their
 digits.
@@ -59,6 +60,7 @@ digits.
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import factorial
+from typing import Any
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -106,7 +108,7 @@ class FullModel:
     """
 
     scene: Scene
-    operator: object
+    operator: Any
     start: np.ndarray
     courses: tuple[Course, ...]
     forces: np.ndarray
@@ -115,9 +117,8 @@ class FullModel:
     def of(cls, scene: Scene) -> "FullModel":
         mass, _ = lifted.energy_weights(scene)
         none = np.zeros(mass.size)
-        courses, columns = (), np.zeros((2 * mass.size, 0))
-        if scene.force_time is not None:
-            courses = scene.courses()
+        courses, columns = scene.courses(), np.zeros((2 * mass.size, 0))
+        if courses:
             _, profile = scene.force_values(np.zeros(1))
             columns = np.concatenate([mass * profile, none])[:, None]
         start = np.concatenate([mass * scene.velocity0(), none])
@@ -257,8 +258,11 @@ def _within(course, times):
     values = chebyshev.chebval(place, coefficients[first].T, tensor=False)
     piece, until = first[:-1], first[1:]
     alone = piece == until
-    # How much p changes within each piece and from one to the next, summed up.
-    inside = 2 * np.abs(coefficients[:, 1:]).sum(axis=1)
+    # How much p can change within each piece in a step, and from one to the next, summed up.
+    slopes = np.abs(chebyshev.chebder(coefficients, axis=1)).sum(axis=1) * scale
+    inside = np.minimum(
+        2 * np.abs(coefficients[:, 1:]).sum(axis=1), slopes * np.minimum(times[1], np.diff(edges))
+    )
     jumps = np.abs(
         chebyshev.chebval(-1, coefficients[1:].T) - chebyshev.chebval(1, coefficients[:-1].T)
     )
@@ -295,7 +299,7 @@ class Map:
 
     @classmethod
     def of(cls, model: LiftedModel, push: np.ndarray, columns: np.ndarray) -> "Map":
-        factor, members = np.linalg.qr(columns, mode="r"), model.own.members
+        factor, members = np.asarray(np.linalg.qr(columns, mode="r")), model.own.members
         blocks = np.array([np.linalg.norm(factor[:, block], 2) for block in members])
         lengths = np.array([np.linalg.norm(push[block], axis=0) for block in members])
         direct = np.linalg.norm(factor[:, len(push) :], axis=0)
@@ -304,7 +308,7 @@ class Map:
     def on(self, motion: Motion) -> "Norms":
         step = motion.step
         ends = np.linalg.norm(self.factor @ motion.values, axis=0)
-        bends, known = np.inf, 0.0
+        bends, known = np.full((2, motion.values.shape[1] - 1), [[np.inf], [0]])
         for order in range(1, ORDER):
             weight = step ** (order - 1) / factorial(order - 1)
             within = self.blocks @ motion.reach[order] + self.direct @ motion.sizes[order]
@@ -585,15 +589,16 @@ def enriched(full: FullModel, model: LiftedModel, change: np.ndarray) -> LiftedM
 
 def _responses(full, force, course):
     """A force's profile, and what it does while it stands still and as it turns, (2N, 4)."""
-    half = np.diff(course.edges) / 2
-    slopes = chebyshev.chebder(course.coefficients, axis=1) / half[:, None]
-    turn = np.sqrt(
-        half @ np.sum(slopes**2, axis=1) / (half @ np.sum(course.coefficients**2, axis=1))
-    )
+    half, coefficients = np.diff(course.edges) / 2, course.coefficients
+    power = half @ np.sum(coefficients**2, axis=1)
+    if not power > 0:
+        return np.zeros((force.size, 0))
+    slopes = chebyshev.chebder(coefficients[course.smooth], axis=1)
+    turn = np.sqrt(np.sum(slopes**2, axis=1) @ (1 / half[course.smooth]) / power)
     rest = _shortest(full, 0)
     still = full.least_squares(0j, rest, -force)
     moved = full.least_squares(1j * turn, rest, -force)
-    size = np.abs(course.coefficients).sum(axis=1).max()
+    size = np.abs(coefficients).sum(axis=1).max()
     return size * np.stack(
         [force * full.scene.duration, still.real, moved.real, moved.imag], axis=1
     )

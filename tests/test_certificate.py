@@ -1,14 +1,11 @@
-"""Error bounds of lifted reduced models, and mode counts chosen by tolerance."""
+"""Errors of lifted reduced models beside their bounds, and mode counts chosen by tolerance."""
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
-from hypothesis import strategies as st
 from scenes import VARIED, scene
 
-from sphpod import certificate, lifted, lifted_rom
+from sphpod import certificate, error_bound, lifted, lifted_rom
 from sphpod.error import relative_error
-from sphpod.lifted_rom import LiftedModel
 from sphpod.stability import Breakdown
 
 ROUNDING = 1e-11
@@ -63,111 +60,6 @@ def true_errors(model, state):
     return np.sqrt(squares)
 
 
-def one_block(model):
-    """The model, carried as if its eigenvectors were ill-conditioned."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(lifted_rom, "ILL_CONDITIONED", 0)
-        model.__dict__["own"] = lifted_rom._eigenmodes(model.operator)
-    assert model.own.blocks.shape == (1, *model.operator.shape)
-    return model
-
-
-@st.composite
-def random_models(draw):
-    """Any scene, modes of any of its snapshots or any at all, and any number of them."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    count = draw(st.integers(7, 24))
-
-    def profile(size, depth):
-        depth, shift, wave = rng.uniform(0, depth), rng.uniform(0, 6), rng.integers(1, 4)
-        return f"{size}*(1 + {depth}*sin(2*pi*{wave}*x/L + {shift}))"
-
-    uneven = draw(st.booleans())
-    changes = {
-        "particle_count": count,
-        "smoothing_ratio": draw(st.sampled_from([0.9, 1.04, 1.7])),
-        "initial_density": profile(rng.uniform(0.5, 2), 0.9 * uneven),
-        "youngs_modulus": profile(rng.uniform(0.05, 0.5), 0.9 * uneven),
-        "damping": draw(st.sampled_from([0, rng.uniform(0, 40), profile(rng.uniform(0, 40), 1)])),
-        "initial_velocity": profile(1e-3, 3),
-    }
-    course = f"1e-3*cos({rng.uniform(0, 20)}*t)"
-    forces = [None, course, {"time": course, "profile": profile(1, 3)}]
-    if force := draw(st.sampled_from(forces)):
-        changes["force"] = force
-    case = scene(**changes)
-    k = draw(st.integers(1, count))
-    if draw(st.booleans()):
-        modes = decomposed(case, np.sort(rng.choice(101, rng.integers(1, 30), replace=False)))
-        assume(modes["scaled_strain_modes"].size)
-        model = lifted_rom.build(case, modes, k)
-    else:
-        first, second = (np.linalg.qr(rng.standard_normal((count, count)))[0] for _ in range(2))
-        model = LiftedModel(case, first[:k], second[: max(1, k - 1)], 0)
-    return one_block(model) if len(model.operator) > 1 and draw(st.booleans()) else model
-
-
-@settings(deadline=None, max_examples=50)
-@given(random_models(), st.integers(0, 2**32 - 1))
-def test_bounds_are_never_below_the_error(model, seed):
-    """Whatever the scene, the modes, their number, and the corrections that are made to them."""
-    try:
-        state = model.prepare("lifted_exact").solve()
-    except Breakdown:
-        assume(False)
-    errors = true_errors(model, state)
-    bounds = list(certificate.bounds(model))
-    full, modes = lifted.operator(model.scene), certificate.own_modes(model)
-    rng = np.random.default_rng(seed)
-    for scale in (1e-3, 1):
-        corrections = scale * rng.standard_normal(modes.shape)
-        changed = modes + corrections
-        residual = full @ changed - changed @ model.own.operator
-        bounds.append(certificate._bound(model, modes, corrections, residual))
-    for bound in bounds:
-        assert (bound(state) - errors).min() >= -ROUNDING * size(model.scene)
-
-
-@pytest.mark.parametrize("time", ["cos(40*pi*t)", "sin(70*t)", "where(t < 0.43, 1, -2)"])
-@pytest.mark.parametrize("damping", [0, VARIED["damping"]])
-def test_bounds_hold_from_the_first_outputs_on_whatever_happens_between_them(time, damping):
-    """Of a force that turns within a few outputs, or jumps at one."""
-    case = scene(force={"time": time, "profile": "x*(L - x)"}, damping=damping)
-    model = lifted_rom.build(case, decomposed(case), 8)
-    state = model.prepare("lifted_exact").solve()
-    error = true_errors(model, state)
-    for bound in certificate.bounds(model):
-        assert (error - bound(state)).max() <= 1e-13 * error.max()
-
-
-@each
-@pytest.mark.parametrize("blocks", ["as found", "one block"])
-def test_with_all_modes_the_bound_is_rounding(changes, blocks):
-    case = scene(**changes)
-    every = np.eye(case.particle_count)
-    model = LiftedModel(case, every, every, 0)
-    if blocks == "one block":
-        one_block(model)
-    state = model.prepare("lifted_exact").solve()
-    for bound in certificate.bounds(model):
-        assert bound(state).max() < ROUNDING * size(case)
-
-
-@pytest.mark.parametrize("changes", [{}, {"initial_density": VARIED["initial_density"]}])
-def test_corrected_modes_make_the_bound_sharper(changes):
-    """Where waves that the model lacks are driven off their own frequencies."""
-    case = scene(**changes, initial_velocity=TENS, duration=10)
-    prepared = lifted_rom.build(case, decomposed(case, slice(0, 101, 2)), 12).prepare(
-        "lifted_exact"
-    )
-    state = prepared.solve()
-    plain, corrected = (bound(state) for bound in certificate.bounds(prepared.model))
-    assert corrected.max() < plain.max() / 3
-    sharper = certificate.error_bounds(prepared, state)
-    np.testing.assert_array_equal(sharper, [np.minimum(plain, corrected), plain])
-    assert np.all(sharper[0] >= true_errors(prepared.model, state) - ROUNDING * size(case))
-
-
 @each
 def test_certified_errors_are_those_of_reconstructed_fields(changes):
     case, count = scene(**changes), 4
@@ -191,7 +83,7 @@ def test_certified_errors_are_those_of_reconstructed_fields(changes):
     total = energies(full)
     wrong = energies({field: found[field] - full[field] for field in ("velocity", "strain")})
     largest = np.sqrt(sum(total).max())
-    bound, plain = certificate.error_bounds(prepared, state)
+    bound, plain = error_bound.error_bounds(prepared, state)
     expected = {
         "velocity_error_reference": relative_error(found["velocity"], reference["velocity"]),
         "density_error_reference": relative_error(found["density"], reference["density"]),
