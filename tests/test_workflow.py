@@ -258,7 +258,7 @@ def test_scripts_count_by_what_they_do_and_not_by_their_dates(built):
     script = scripts / "acceleration.py"
     with edited(script, "Errors of the accelerated", "The errors of the accelerated"):
         os.utime(script, (0, 0))
-        assert planned(built) == {"acceleration", "figure"}
+        assert planned(built) == {"acceleration", "claims", "figure"}
 
 
 def test_a_result_of_other_settings_is_made_anew(built):
