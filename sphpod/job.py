@@ -3,8 +3,8 @@
 Snakemake makes a result anew once its parameters or the set of its inputs have changed, but what
 they were it keeps in a folder of its own, ``.snakemake``. A dataset holds the same at its end, and
 the log of any job in a line; so results that have lost that folder are judged alike. Paths are told
-relative to the folder that result and log have in common, so that results are the same wherever they
-are made.
+relative to the folder that result and log have in common, so that results are the same wherever
+they are made.
 """
 
 import hashlib
