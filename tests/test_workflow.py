@@ -202,13 +202,17 @@ def bare(benchmarked, tmp_path_factory):
     return folder
 
 
-def test_results_hold_what_snakemake_keeps_of_them(bare, stabilised, benchmarked, tmp_path):
-    assert planned(bare, "--", "all", "benchmarks") == set()
-    assert records(bare) == records(benchmarked)
-    study = tmp_path / "stabilised"
-    shutil.copytree(stabilised, study, ignore=shutil.ignore_patterns(".snakemake"))
-    assert planned(study, "--", "all", "stability") == set()
-    assert records(study) == records(stabilised)
+@pytest.mark.parametrize("target", ["benchmarks", "stability"])
+def test_results_hold_what_snakemake_keeps_of_them(bare, stabilised, benchmarked, tmp_path, target):
+    if target == "benchmarks":
+        original, folder = benchmarked, bare
+    else:
+        original, folder = stabilised, tmp_path / "stabilised"
+        shutil.copytree(stabilised, folder, ignore=shutil.ignore_patterns(".snakemake"))
+    assert planned(folder, "--", "all", target) == set()
+    found, kept = records(folder), records(original)
+    assert found == {name: kept[name] for name in found}
+    assert len(found) == sum(path.suffix not in ("", ".log") for path in folder.glob("small/**/*"))
 
 
 def made_anew(folder, target, **environment):
