@@ -45,6 +45,10 @@ PLACES = np.cos(np.pi * (np.arange(NODES)[::-1] + 0.5) / NODES)
 
 _TO_COEFFICIENTS = chebyshev.chebvander(PLACES, NODES - 1) * (2 / NODES)
 _TO_COEFFICIENTS[:, 0] /= 2
+# Mean of |ℓ| over [-1, 1] of each Lagrange polynomial of the places: what rounding there does.
+_INFLUENCES = np.abs(
+    chebyshev.chebval(np.linspace(-1, 1, 1001), _TO_COEFFICIENTS.T)
+).mean(axis=1) * 1.01
 _SEEN = (1 + np.cos(np.pi * (np.arange(3) + 0.5) / 3)) / 2
 _TO_POINTS = chebyshev.chebvander(POINTS, NODES - 1).T
 
@@ -66,8 +70,8 @@ class Course:
     total : float
         ∫|p| dt by Gauss-Legendre quadrature [m/s].
     smooth : bool array, shape (pieces,)
-        Whether f is proved to be one analytic function on the piece; on others, where it breaks,
-        the polynomial is the middle of its bounds.
+        Whether f is proved to be an analytic function on the piece, which the polynomial goes
+        through; on others, where f breaks or is next to nothing, it is the middle of f's bounds.
     breaks : array
         Those edges across which f is not known to be one analytic function [s].
     singular : float
@@ -148,8 +152,11 @@ class Course:
         places = 2 * (times[part] - low[interval, None]) / width - 1
         shares = values[part] * WEIGHTS * ((end - start)[part, None] / width)
         moments = np.zeros_like(result)
-        polynomials = legendre.legvander(np.clip(places, -1, 1), NODES - 1)
-        np.add.at(moments, interval, np.einsum("iq,iqk->ik", shares, polynomials))
+        for first in range(0, interval.size, 512):
+            some = slice(first, first + 512)
+            polynomials = legendre.legvander(np.clip(places[some], -1, 1), NODES - 1)
+            terms = np.einsum("iq,iqk->ik", shares[some], polynomials)
+            np.add.at(moments, interval[some], terms)
         to_points = legendre.legvander(POINTS, NODES - 1).T * (np.arange(NODES)[:, None] + 0.5)
         result[~whole] = moments[~whole] @ to_points
         return result
@@ -164,14 +171,14 @@ class Course:
 
 @dataclass(frozen=True)
 class Span:
-    """A time in which a force is smooth, with what it breaks in before it.
+    """A time between breaks of a force, with what it breaks in before it.
 
     Attributes
     ----------
     first, last : float
         Start and end [s]; the spans of a force follow one another without a gap.
     inner : (float, float)
-        The times between which it is smooth [s].
+        First and last time at which the force is that between the breaks [s].
     shortest : float
         Shortest piece on which it is a polynomial [s].
     """
@@ -188,41 +195,38 @@ def spans(courses: tuple[Course, ...], duration: float) -> list[Span]:
     ends = np.unique(np.concatenate([*cuts, [0.0, duration]]))
     found: list[Span] = []
     for begin, end in zip(ends[:-1], ends[1:], strict=True):
-        shortest, middle = np.inf, (begin + end) / 2
-        for course in courses:
-            piece = np.searchsorted(course.edges, middle) - 1
-            within = (course.edges[:-1] < end) & (course.edges[1:] > begin)
-            smooth = course.smooth[min(max(piece, 0), course.smooth.size - 1)]
-            shortest = min(shortest, np.diff(course.edges)[within].min(initial=end - begin))
-            if not smooth:
-                break
-        else:
-            inner = float(np.nextafter(begin, end)), float(np.nextafter(end, begin))
-            found.append(Span(found[-1].last if found else 0.0, float(end), inner, float(shortest)))
-    if not found or found[-1].last < duration:
-        first = found[-1].last if found else 0.0
-        found.append(Span(first, duration, (first, duration), np.inf))
+        if end - begin <= BREAKS * duration and end < duration:
+            continue
+        pieces = [np.diff(np.clip(course.edges, begin, end)) for course in courses]
+        shortest = min((part[part > 0].min() for part in pieces), default=np.inf)
+        inner = float(np.nextafter(begin, end)), float(np.nextafter(end, begin))
+        found.append(Span(found[-1].last if found else 0.0, float(end), inner, float(shortest)))
     return found
 
 
 @lru_cache(maxsize=64)
 def _course(text, variables, constants, duration):
     expression = Expression(text, variables, dict(constants))
-    low, high, decided, radius = _merged(expression, *_pieces(expression, duration))
+    low, high, decided, radius, sums = _pieces(expression, duration)
+    seen = [low, np.array([duration])]
+    if decided.all():
+        low, high, radius = _merged(expression, low, high, radius, sums)
     edges, width, smooth = np.append(low, duration), high - low, np.isfinite(radius)
     times = low[:, None] + width[:, None] * ((1 + PLACES) / 2)
     values = _values(expression, times)
+    seen = np.concatenate([*seen, times.ravel()])
+    sound = np.isfinite(_values(expression, seen))
     missed = np.full(low.size, np.inf)
-    doubt = _rounding(expression, times[smooth])
-    missed[smooth] = MISSED * radius[smooth] + LEBESGUE * doubt
-    # Of what may break the polynomial is the middle of its bounds.
-    rest = np.flatnonzero(~smooth)
-    bounds = enclose(expression, low[rest], high[rest])
-    bounded = decided[rest] & np.isfinite(bounds.high - bounds.low)
-    rest, bottom, top = rest[bounded], bounds.low[bounded], bounds.high[bounded]
-    values[rest], missed[rest] = (bottom + top)[:, None] / 2, (top - bottom) / 2
-    seen = np.concatenate([times.ravel(), edges])
-    sound = np.isfinite(np.concatenate([values.ravel(), _values(expression, edges)]))
+    if decided.all():
+        doubt = _rounding(expression, times[smooth], low[smooth, None], high[smooth, None])
+        missed[smooth] = MISSED * radius[smooth] + doubt @ _INFLUENCES
+        # Where bounds say more, as of what may break, the polynomial is their middle.
+        bounds = enclose(expression, low, high)
+        with np.errstate(invalid="ignore"):
+            middle, reach = (bounds.low + bounds.high) / 2, (bounds.high - bounds.low) / 2
+        flat = reach < missed
+        values[flat], missed[flat] = middle[flat, None], reach[flat]
+        smooth &= ~flat
     values[~np.isfinite(values)] = 0
     coefficients = values @ _TO_COEFFICIENTS
     total = np.sum(width / 2 * (np.abs(coefficients @ _TO_POINTS) @ WEIGHTS))
@@ -241,10 +245,12 @@ def _course(text, variables, constants, duration):
     )
 
 
-def _rounding(expression, times):
-    """Largest effect of rounding on values at times (pieces, points), shape (pieces,)."""
-    points = enclose(expression, times.ravel(), times.ravel())
-    return (points.high - points.low).reshape(times.shape).max(axis=1, initial=0)
+def _rounding(expression, times, low, high):
+    """Largest effect of rounding, of the times too, on values at times (pieces, points)."""
+    before, after = np.nextafter(times, -np.inf), np.nextafter(times, np.inf)
+    ends = np.maximum(before, low).ravel(), np.minimum(after, high).ravel()
+    points = enclose(expression, *ends)
+    return (points.high - points.low).reshape(times.shape)
 
 
 def _values(expression, times):
@@ -284,13 +290,20 @@ def _pieces(expression, duration):
     return [part[order] for part in parts]
 
 
-def _merged(expression, low, high, decided, radius, sums):
+def _merged(expression, low, high, radius, sums):
     """Neighbours that one polynomial fits as well, or that one break fills, made one piece."""
-    broken = decided & ~np.isfinite(radius)
+    broken = ~np.isfinite(radius)
     first = ~(broken & np.roll(broken, 1))
     first[0] = True
+    run = np.cumsum(first) - 1
+    joint = enclose(expression, low[first], np.append(low[first][1:], high[-1]))
+    apart = enclose(expression, low, high)
+    with np.errstate(invalid="ignore"):
+        swing = np.bincount(run, (apart.high - apart.low) * (high - low))
+        whole = (joint.high - joint.low) * np.bincount(run, high - low) <= 1.01 * swing
+    first |= ~whole[run]
     high = np.append(low[first][1:], high[-1])
-    low, decided, radius, sums = (part[first] for part in (low, decided, radius, sums))
+    low, radius, sums = (part[first] for part in (low, radius, sums))
     mean = np.nansum(sums) / (high[-1] - low[0])
     # Whether a piece may be joined with the next one, and has not been seen not to.
     untried = np.isfinite(radius)
@@ -307,12 +320,11 @@ def _merged(expression, low, high, decided, radius, sums):
             joined = left[fit]
             radius[joined], high[joined] = joint[fit], high[joined + 1]
             sums[joined] += sums[joined + 1]
-            decided[joined] &= decided[joined + 1]
             before = np.maximum(joined - 1, 0)
             untried[joined], untried[before] = True, np.isfinite(radius[before])
             keep = np.ones(low.size, bool)
             keep[joined + 1] = False
-            low, high, decided, radius, sums, untried = (
-                part[keep] for part in (low, high, decided, radius, sums, untried)
+            low, high, radius, sums, untried = (
+                part[keep] for part in (low, high, radius, sums, untried)
             )
-    return low, high, decided, radius
+    return low, high, radius

@@ -30,6 +30,9 @@ ROUNDING = 2.0**-51
 FUNCTION_ROUNDING = 8
 """So much more widening does a function of numpy's or a power need."""
 
+AT_ONCE = 2**13
+"""Intervals that are bounded together; few enough for the processor's cache."""
+
 OPERATORS: dict[type[ast.AST], Callable[..., Any]] = {
     ast.Add: np.add,
     ast.Sub: np.subtract,
@@ -50,7 +53,7 @@ class Enclosure:
         The real values over the interval lie between; infinite where no bound is known.
     centre, radius : arrays
         The complex values in the interval's disc lie in this disc about a real number; the radius
-        is infinite where the expression may not be one analytic function.
+        is infinite, and the centre anything, where it may not be one analytic function.
     variable : bool
         Whether it is the variable itself, which takes each value once.
     """
@@ -81,6 +84,11 @@ def enclose(expression: Expression, low: np.ndarray, high: np.ndarray) -> Enclos
     low, high : arrays, shape (intervals,)
         Ends of the intervals; equal for the value at a point, rounding included.
     """
+    if low.size > AT_ONCE:
+        rows = [slice(first, first + AT_ONCE) for first in range(0, low.size, AT_ONCE)]
+        some = [enclose(expression, low[part], high[part]) for part in rows]
+        names = "low", "high", "centre", "radius"
+        return Enclosure(*(np.concatenate([getattr(e, name) for e in some]) for name in names))
     middle = (low + high) / 2
     # The half width as seen from a rounded middle.
     half = np.maximum(high - middle, middle - low) * (1 + ROUNDING)
@@ -148,16 +156,16 @@ def _lifted(value: Any) -> Enclosure:
     point = np.float64(value)
     if np.isfinite(point):
         return Enclosure(point, point, point, np.float64(0.0))
-    return _bounded(point, point, point, np.float64(0.0))
+    return _bounded(point, point, point, np.inf)
 
 
 def _bounded(low, high, centre, radius) -> Enclosure:
     """Bounds of which those that are not a number are none."""
     return Enclosure(
-        np.where(np.isnan(low), -np.inf, low),
-        np.where(np.isnan(high), np.inf, high),
-        np.where(np.isfinite(centre), centre, 0.0),
-        np.where(np.isfinite(centre) & (radius >= 0), radius, np.inf),
+        np.fmax(low, -np.inf),
+        np.fmin(high, np.inf),
+        centre,
+        np.where(radius >= 0, radius, np.inf),
     )
 
 
@@ -299,7 +307,10 @@ def _cosine(a):
 
 def _exponential(a):
     low, high, centre = np.exp(a.low), np.exp(a.high), np.exp(a.centre)
-    return _rounded(low, high, centre, centre * np.expm1(a.radius), FUNCTION_ROUNDING)
+    # Far from the centre its share is small, and the product of the other two may not be known.
+    outer = np.exp(a.centre + a.radius + ROUNDING * (np.abs(a.centre) + a.radius))
+    radius = np.where(a.radius > 1, outer, centre * np.expm1(a.radius))
+    return _rounded(low, high, centre, radius, FUNCTION_ROUNDING)
 
 
 def _logarithm(a):

@@ -8,6 +8,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 from sphpod import propagator
+from sphpod.course import NODES, Course
+from sphpod.expressions import Expression
 
 OSCILLATORS = {
     "undamped": (7, 0),
@@ -20,11 +22,15 @@ OSCILLATORS = {
 """Frequency and damping [1/s]."""
 
 FORCES = {
-    "constant": lambda t: np.full(t.shape, 0.7),
-    "slow": lambda t: np.cos(0.3 * t) * np.exp(-t),
-    "fast": lambda t: np.cos(90 * t + 1),
-    "jump": lambda t: np.where(t < 0.4321, 1.0, -2.0),
+    "constant": Expression("0.7", ("t",)),
+    "slow": Expression("cos(0.3*t)*exp(-t)", ("t",)),
+    "fast": Expression("cos(90*t + 1)", ("t",)),
+    "jump": Expression("where(t < 0.4321, 1, -2)", ("t",)),
 }
+
+
+def wave(frequency):
+    return Expression(f"cos({frequency}*t)", ("t",))
 
 
 def oscillators(*pairs):
@@ -50,13 +56,19 @@ def push(blocks, singles, force):
 
 def run(blocks, singles, force, start, interval, outputs, amplitude=None, euler_steps=0):
     """All outputs, shape (outputs, coordinates)."""
+    courses = follow(interval, outputs, amplitude)
     jumps = propagator.prepare(
-        blocks, singles, force, interval, outputs, amplitude, euler_steps=euler_steps
+        blocks, singles, force[None], interval, outputs, courses, euler_steps=euler_steps
     )
     state = np.full((start.size, outputs), np.nan)
     state[:, 0] = start
-    jumps.run(state, amplitude)
+    jumps.run(state)
     return state.T
+
+
+def follow(interval, outputs, amplitude):
+    """The course of a force, if there is one."""
+    return (Course.of(amplitude, max(outputs - 1, 1) * interval),) if amplitude else ()
 
 
 def step_by_step(matrix, force, start, interval, outputs, amplitude, euler_steps):
@@ -68,7 +80,7 @@ def step_by_step(matrix, force, start, interval, outputs, amplitude, euler_steps
             rate = matrix @ state
             if amplitude is not None:
                 time = np.array([output * interval + step * dt])
-                rate = rate + force * amplitude(time)
+                rate = rate + force * amplitude(t=time)
             state = state + dt * rate
         states.append(state)
     return np.array(states)
@@ -127,7 +139,7 @@ def test_jumps_are_the_exponential_at_any_time(model, interval, outputs, data):
 def test_a_smooth_force_is_answered_exactly(model, frequency, interval, outputs):
     """The force cos(νt) is a coordinate of a larger system without a force."""
     blocks, singles, force, start = model
-    found = run(blocks, singles, force, start, interval, outputs, lambda t: np.cos(frequency * t))
+    found = run(blocks, singles, force, start, interval, outputs, wave(frequency))
     size = start.size
     larger = np.zeros((size + 2, size + 2))
     larger[:size, :size] = whole(blocks, singles)
@@ -148,7 +160,7 @@ def test_a_force_on_oscillators_acts_as_scipy_integrates_it(name):
     start = np.linspace(-1, 1, 12)
     found = run(blocks, 0, force, start, 0.05, 21, amplitude)
     truth = solve_ivp(
-        lambda t, y: matrix @ y + vector * amplitude(np.array([t])),
+        lambda t, y: matrix @ y + vector * amplitude(t=np.array([t])),
         (0, 1),
         start,
         method="DOP853",
@@ -166,24 +178,25 @@ def test_no_panel_is_too_long_for_its_force(frequency):
     block, interval, outputs = np.zeros((1, 2, 2)), 0.02, 61
     found = run(
         block, 1, np.array([[1.0, 0]]), np.zeros(1), interval, outputs,
-        lambda t: np.cos(frequency * t),
+        wave(frequency),
     )  # fmt: skip
     expected = np.sin(frequency * interval * np.arange(outputs)) / frequency
     np.testing.assert_allclose(found[:, 0], expected, rtol=0, atol=1e-13)
 
 
-def test_a_slow_force_is_evaluated_few_times_and_a_rough_one_at_every_step():
-    blocks, force = oscillators((7, 1)), np.array([[1.0, 0]])
-    for name, euler_steps, count in (
-        ("constant", 0, propagator.PANEL_NODES),
-        ("slow", 5, propagator.PANEL_NODES),
-        ("jump", 0, 100 * propagator.PANEL_NODES),
-        ("jump", 5, 500),
+def test_a_force_is_evaluated_at_few_times():
+    """And nowhere in a run where it jumps."""
+    blocks, force = oscillators((7, 1)), np.array([[[1.0, 0]]])
+    for name, euler_steps, panels, rough in (
+        ("constant", 0, 1, []),
+        ("slow", 5, 1, []),
+        ("jump", 0, 10, range(40, 50)),
+        ("jump", 5, 10, range(40, 50)),
     ):
-        jumps = propagator.prepare(blocks, 0, force, 0.01, 101, FORCES[name], euler_steps)
-        assert jumps.nodes.size == count
-    steps = np.arange(500) * 0.002
-    np.testing.assert_allclose(jumps.nodes.ravel(), steps, rtol=0, atol=1e-15)
+        courses = follow(0.01, 101, FORCES[name])
+        jumps = propagator.prepare(blocks, 0, force, 0.01, 101, courses, euler_steps)
+        assert jumps.nodes.shape == (panels, NODES)
+        np.testing.assert_array_equal(jumps.rough, rough)
 
 
 @settings(deadline=None, max_examples=60)
@@ -230,11 +243,12 @@ def test_a_jump_of_many_steps_repeats_them_under_a_rough_force(euler_steps):
 
 def test_jumps_can_be_run_again():
     blocks, force = oscillators((7, 1), (3, 0)), np.array([[1.0, 0], [0, 0]])
-    jumps = propagator.prepare(blocks, 0, force, 0.01, 101, FORCES["slow"])
+    courses = follow(0.01, 101, FORCES["slow"])
+    jumps = propagator.prepare(blocks, 0, force[None], 0.01, 101, courses)
     states = np.zeros((2, 4, 101))
     states[:, :, 0] = 1
     for state in states:
-        jumps.run(state, FORCES["slow"])
+        jumps.run(state)
     np.testing.assert_array_equal(*states)
 
 
