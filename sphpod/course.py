@@ -9,6 +9,7 @@ floating-point numbers. No sample decides, so that no pulse is too short to be s
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
@@ -46,9 +47,9 @@ PLACES = np.cos(np.pi * (np.arange(NODES)[::-1] + 0.5) / NODES)
 _TO_COEFFICIENTS = chebyshev.chebvander(PLACES, NODES - 1) * (2 / NODES)
 _TO_COEFFICIENTS[:, 0] /= 2
 # Mean of |ℓ| over [-1, 1] of each Lagrange polynomial of the places: what rounding there does.
-_INFLUENCES = np.abs(
-    chebyshev.chebval(np.linspace(-1, 1, 1001), _TO_COEFFICIENTS.T)
-).mean(axis=1) * 1.01
+_INFLUENCES = (
+    np.abs(chebyshev.chebval(np.linspace(-1, 1, 1001), _TO_COEFFICIENTS.T)).mean(axis=1) * 1.01
+)
 _SEEN = (1 + np.cos(np.pi * (np.arange(3) + 0.5) / 3)) / 2
 _TO_POINTS = chebyshev.chebvander(POINTS, NODES - 1).T
 
@@ -194,7 +195,7 @@ def spans(courses: tuple[Course, ...], duration: float) -> list[Span]:
     cuts = [part for course in courses for part in (course.breaks, course.edges[[0, -1]])]
     ends = np.unique(np.concatenate([*cuts, [0.0, duration]]))
     found: list[Span] = []
-    for begin, end in zip(ends[:-1], ends[1:], strict=True):
+    for begin, end in pairwise(ends):
         if end - begin <= BREAKS * duration and end < duration:
             continue
         pieces = [np.diff(np.clip(course.edges, begin, end)) for course in courses]
@@ -208,13 +209,13 @@ def spans(courses: tuple[Course, ...], duration: float) -> list[Span]:
 def _course(text, variables, constants, duration):
     expression = Expression(text, variables, dict(constants))
     low, high, decided, radius, sums = _pieces(expression, duration)
-    seen = [low, np.array([duration])]
+    ends = low
     if decided.all():
         low, high, radius = _merged(expression, low, high, radius, sums)
     edges, width, smooth = np.append(low, duration), high - low, np.isfinite(radius)
     times = low[:, None] + width[:, None] * ((1 + PLACES) / 2)
     values = _values(expression, times)
-    seen = np.concatenate([*seen, times.ravel()])
+    seen = np.concatenate([ends, [duration], times.ravel()])
     sound = np.isfinite(_values(expression, seen))
     missed = np.full(low.size, np.inf)
     if decided.all():
@@ -253,6 +254,12 @@ def _rounding(expression, times, low, high):
     return (points.high - points.low).reshape(times.shape)
 
 
+def _swing(expression, low, high):
+    """Bounds of what f may change by on intervals, times their lengths."""
+    bounds = enclose(expression, low, high)
+    return (bounds.high - bounds.low) * (high - low)
+
+
 def _values(expression, times):
     (name,) = expression.variables
     return expression(**{name: times})
@@ -285,9 +292,9 @@ def _pieces(expression, duration):
         done.append([part[taken] for part in parts])
         low, middle, high = (ends[~taken] for ends in (low, middle, high))
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
-    parts = [np.concatenate(part) for part in zip(*done, strict=True)]
-    order = np.argsort(parts[0], kind="stable")
-    return [part[order] for part in parts]
+    pieces = [np.concatenate(part) for part in zip(*done, strict=True)]
+    order = np.argsort(pieces[0], kind="stable")
+    return [part[order] for part in pieces]
 
 
 def _merged(expression, low, high, radius, sums):
@@ -295,13 +302,13 @@ def _merged(expression, low, high, radius, sums):
     broken = ~np.isfinite(radius)
     first = ~(broken & np.roll(broken, 1))
     first[0] = True
-    run = np.cumsum(first) - 1
-    joint = enclose(expression, low[first], np.append(low[first][1:], high[-1]))
-    apart = enclose(expression, low, high)
-    with np.errstate(invalid="ignore"):
-        swing = np.bincount(run, (apart.high - apart.low) * (high - low))
-        whole = (joint.high - joint.low) * np.bincount(run, high - low) <= 1.01 * swing
-    first |= ~whole[run]
+    run, last = np.cumsum(first) - 1, np.append(low[first][1:], high[-1])
+    swing = np.zeros(low.size)
+    swing[broken] = _swing(expression, low[broken], high[broken])
+    apart, together = np.bincount(run, swing), np.zeros(last.size)
+    joint = broken[first]
+    together[joint] = _swing(expression, low[first][joint], last[joint])
+    first |= (together > 1.01 * apart)[run]
     high = np.append(low[first][1:], high[-1])
     low, radius, sums = (part[first] for part in (low, radius, sums))
     mean = np.nansum(sums) / (high[-1] - low[0])

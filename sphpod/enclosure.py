@@ -88,7 +88,10 @@ def enclose(expression: Expression, low: np.ndarray, high: np.ndarray) -> Enclos
         rows = [slice(first, first + AT_ONCE) for first in range(0, low.size, AT_ONCE)]
         some = [enclose(expression, low[part], high[part]) for part in rows]
         names = "low", "high", "centre", "radius"
-        return Enclosure(*(np.concatenate([getattr(e, name) for e in some]) for name in names))
+        low, high, centre, radius = (
+            np.concatenate([getattr(part, name) for part in some]) for name in names
+        )
+        return Enclosure(low, high, centre, radius)
     middle = (low + high) / 2
     # The half width as seen from a rounded middle.
     half = np.maximum(high - middle, middle - low) * (1 + ROUNDING)
@@ -98,13 +101,14 @@ def enclose(expression: Expression, low: np.ndarray, high: np.ndarray) -> Enclos
     with np.errstate(all="ignore"):
         value = _lifted(_value(tree, {**expression.constants, name: variable}))
     parts = (value.low, value.high, value.centre, value.radius)
-    return Enclosure(*(np.broadcast_to(part, low.shape) for part in parts))
+    low, high, centre, radius = (np.broadcast_to(part, middle.shape) for part in parts)
+    return Enclosure(low, high, centre, radius)
 
 
 def _value(node: ast.AST, names: dict[str, Any]) -> Any:
     """A float where the variable is not met, else an Enclosure."""
     match node:
-        case ast.Constant(value=value):
+        case ast.Constant(value=int() | float() as value):
             return float(value)
         case ast.Name(id=name):
             return names[name]
@@ -120,9 +124,13 @@ def _value(node: ast.AST, names: dict[str, Any]) -> Any:
             return _applied(ast.And, *(_applied(type(op), a, b) for op, a, b in compared))
         case ast.Call(func=ast.Name(id="sum"), args=[ast.Tuple(elts=terms) | ast.List(elts=terms)]):
             return reduce(_sum, (_value(term, names) for term in terms), 0.0)
-        case ast.Call(func=ast.Name(id="sum"), args=[series]):
-            terms = (_value(series.elt, inner) for inner in _looped(series.generators, names))
-            return reduce(_sum, terms, 0.0)
+        case ast.Call(
+            args=[
+                ast.GeneratorExp(elt=term, generators=loops)
+                | ast.ListComp(elt=term, generators=loops)
+            ]
+        ):
+            return reduce(_sum, (_value(term, inner) for inner in _looped(loops, names)), 0.0)
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return _applied(name, *(_value(argument, names) for argument in arguments))
     raise ValueError(f"{ast.unparse(node)} has no bounds")
@@ -140,7 +148,7 @@ def _looped(loops: list[ast.comprehension], names: dict[str, Any]) -> Iterator[d
         case ast.Tuple(elts=elements) | ast.List(elts=elements):
             values = (_value(element, names) for element in elements)
     for value in values:
-        yield from _looped(inner, {**names, loop.target.id: value})
+        yield from _looped(inner, {**names, ast.unparse(loop.target): value})
 
 
 def _applied(what: type[ast.AST] | str, *operands: Any) -> Any:
@@ -153,9 +161,9 @@ def _applied(what: type[ast.AST] | str, *operands: Any) -> Any:
 def _lifted(value: Any) -> Enclosure:
     if isinstance(value, Enclosure):
         return value
-    point = np.float64(value)
+    point: Any = np.float64(value)
     if np.isfinite(point):
-        return Enclosure(point, point, point, np.float64(0.0))
+        return Enclosure(point, point, point, np.zeros(()))
     return _bounded(point, point, point, np.inf)
 
 
@@ -206,7 +214,8 @@ def _subtract(a, b):
 def _multiply(a, b):
     ends = a.low * b.low, a.low * b.high, a.high * b.low, a.high * b.high
     radius = np.abs(a.centre) * b.radius + np.abs(b.centre) * a.radius + a.radius * b.radius
-    return _rounded(*_between(*ends), a.centre * b.centre, radius)
+    low, high = _between(*ends)
+    return _rounded(low, high, a.centre * b.centre, radius)
 
 
 def _reciprocal(a):
@@ -394,16 +403,17 @@ def _or(*operands):
 
 def _where(condition, a, b):
     true, false = _truth(condition)
-    low, high = (reduce(f, ends) for f, ends in (
-        (np.minimum, (a.low, b.low)), (np.maximum, (a.high, b.high))
-    ))  # fmt: skip
-    parts = (
-        (a.low, b.low, low),
-        (a.high, b.high, high),
-        (a.centre, b.centre, 0.0),
-        (a.radius, b.radius, np.inf),
+    low, high = np.minimum(a.low, b.low), np.maximum(a.high, b.high)
+    low, high, centre, radius = (
+        np.where(true, x, np.where(false, y, z))
+        for x, y, z in (
+            (a.low, b.low, low),
+            (a.high, b.high, high),
+            (a.centre, b.centre, 0.0),
+            (a.radius, b.radius, np.inf),
+        )
     )
-    return Enclosure(*(np.where(true, x, np.where(false, y, z)) for x, y, z in parts))
+    return Enclosure(low, high, centre, radius)
 
 
 BOUNDS: dict[type[ast.AST] | str, Callable[..., Enclosure]] = {

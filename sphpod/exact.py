@@ -421,8 +421,9 @@ def _forced_modes(scene, blocks, damping):
 
     The oscillator x of a mode is carried as the pair x' and ω x.
     """
-    amplitude, k, omega = _spectrum(scene, scene.force_profile)
-    needed = max(1, np.count_nonzero(_tail(amplitude / np.maximum(omega, omega[1])) > TRUNCATION))
+    amplitude, _, omega = _spectrum(scene, scene.force_profile)
+    tail = _tail(amplitude / np.maximum(omega, omega[1]))
+    needed = max(1, int(np.count_nonzero(tail > TRUNCATION)))
     count, outputs = scene.particle_count, scene.error_times.size
     fields = np.zeros((2, outputs, count), complex)
     amplitude[0] /= 2
@@ -433,9 +434,9 @@ def _forced_modes(scene, blocks, damping):
         pairs[:, 0, 0], pairs[:, 0, 1], pairs[:, 1, 0] = -damping, -omega[modes], omega[modes]
         force[..., 0] = 1
         state = np.zeros((2 * modes.size, outputs))
-        propagator.prepare(
-            pairs, 0, force, scene.error_interval, outputs, scene.courses()
-        ).run(state)
+        propagator.prepare(pairs, 0, force, scene.error_interval, outputs, scene.courses()).run(
+            state
+        )
         # Modes that the points cannot tell apart are added.
         velocity, displacement = state[: modes.size].T, state[modes.size :].T
         fields[0][:, modes % count] += velocity * amplitude[modes]

@@ -87,7 +87,7 @@ class _Elementwise(ast.NodeTransformer):
     def visit(self, node: ast.AST) -> Any:
         self.generic_visit(node)
         match node:
-            case ast.Constant(value=value):
+            case ast.Constant(value=int() | float() as value):
                 node.value = float(value)
             case ast.BinOp(op=operator, left=left, right=right) if type(operator) in CALLED:
                 return _call(operator, left, right)
@@ -126,11 +126,10 @@ def _compiled(tree: ast.expr, variables: Iterable[str], constants: Mapping) -> C
 def _refusal(node: ast.AST, names: frozenset[str]) -> str | None:
     """Say what of `node` is not allowed where `names` are known, or None if all of it is."""
     match node:
-        case ast.Constant(value=value):
-            # A bool is an int to Python, a complex number is not real.
-            if type(value) not in (int, float):
-                return f"{value!r} is not a real number"
+        case ast.Constant(value=int() | float() as value) if not isinstance(value, bool):
             return "a number is too large" if abs(value) > sys.float_info.max else None
+        case ast.Constant(value=value):
+            return f"{value!r} is not a real number"
         case ast.Name(id=name):
             return None if name in names else f"the name {name!r} is not known"
         case ast.BinOp(op=operator, left=left, right=right):

@@ -592,9 +592,7 @@ def _fourier(scene, begin):
         spectrum[np.abs(spectrum) <= 1e-15 * np.abs(spectrum).max()] = 0
         force[:, 0] = spectrum.view(float)
 
-    jumps = prepare_jumps(
-        pairs, 0, force[None], scene.error_interval, times.size, scene.courses()
-    )
+    jumps = prepare_jumps(pairs, 0, force[None], scene.error_interval, times.size, scene.courses())
     start = [np.fft.rfft(field).view(float) for field in (begin[0], begin[1])]
     # q̂ = i s ê, s the speed of waves.
     strained = speed * np.stack([-start[1][1::2], start[1][::2]], axis=1).ravel()

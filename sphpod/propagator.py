@@ -40,6 +40,7 @@ VALUES = 2**22
 BLOCK = 512
 """Outputs of a pair that are carried together; few enough for the processor's nearest cache."""
 
+
 @dataclass(frozen=True)
 class Jumps:
     """From output to output of one model, prepared.
@@ -136,7 +137,7 @@ def prepare(
     rough, increments = np.zeros(0, np.int64), np.zeros((0, 0))
     if courses and outputs > 1 and np.any(force):
         # Within an interval the force on one coordinate of a block reaches the others too.
-        felt = np.repeat(force.any(axis=(0, 2))[:, None], force.shape[2], axis=1)
+        felt = np.repeat(np.any(force, axis=(0, 2), keepdims=True)[0], force.shape[2], axis=1)
         felt[len(felt) - singles :, 1] = False
         forced[felt] = np.arange(np.count_nonzero(felt))
         moved = felt[:, 0]
@@ -248,8 +249,8 @@ def _parts(blocks, force, interval, euler_steps):
     if euler_steps:
         weight = interval / euler_steps
         remaining = [_jump_steps(blocks, interval, euler_steps, s) for s in range(euler_steps)]
-        parts = [weight * (r @ force[..., None])[..., 0] for r in remaining]
-        return np.arange(euler_steps) / euler_steps, np.stack(parts, axis=1)
+        pushes = [weight * (r @ force[..., None])[..., 0] for r in remaining]
+        return np.arange(euler_steps) / euler_steps, np.stack(pushes, axis=1)
     halvings = _halvings(blocks, interval)
     short, fractions = interval / 2**halvings, (POINTS + 1) / 2
     parts = np.stack(
@@ -264,8 +265,9 @@ def _parts(blocks, force, interval, euler_steps):
     for doubling in range(halvings):
         jump = _jump(blocks, short * 2**doubling, 0)
         carried = (jump @ parts[..., None])[..., 0]
-        parts = np.einsum("kc...,cq->kq...", carried, first) + np.einsum(
-            "kc...,cq->kq...", parts, second
+        parts = sum(
+            np.einsum("kc...,cq->kq...", part, to_half)
+            for part, to_half in ((carried, first), (parts, second))
         )
     return fractions, parts
 

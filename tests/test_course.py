@@ -38,10 +38,10 @@ def trees(leaves, *operations):
         leaves,
         lambda inner: st.one_of(
             *(
-                st.tuples(*[inner] * operation.count("{}")).map(lambda x, o=operation: o.format(*x))
+                st.tuples(st.just(operation), *[inner] * operation.count("{}"))
                 for operation in operations
             )
-        ),
+        ).map(lambda parts: parts[0].format(*parts[1:])),
         max_leaves=6,
     )
 
@@ -78,12 +78,20 @@ def test_real_values_lie_within_their_bounds(text, low, decades, data):
 
 
 @settings(max_examples=150)
-@given(trees(LEAVES, *ANALYTIC), st.floats(0, 2), st.floats(0, 10), st.floats(0, 1), st.floats(0, 7))
+@given(
+    trees(LEAVES, *ANALYTIC), st.floats(0, 2), st.floats(0, 10), st.floats(0, 1), st.floats(0, 7)
+)
 def test_complex_values_lie_within_their_disc(text, low, decades, share, angle):
     function, high = made(text), low + 10**-decades
     bounds = enclose(function, np.array([low]), np.array([high]))
     assume(np.isfinite(bounds.radius[0]))
-    names = {"sin": cmath.sin, "cos": cmath.cos, "exp": cmath.exp, "sqrt": cmath.sqrt, "T": DURATION}
+    names = {
+        "sin": cmath.sin,
+        "cos": cmath.cos,
+        "exp": cmath.exp,
+        "sqrt": cmath.sqrt,
+        "T": DURATION,
+    }
     place = REACH * share * (high - low) / 2 * cmath.exp(1j * angle)
     value = eval(text, names | {"t": (low + high) / 2 + place})
     assert abs(value - bounds.centre[0]) <= bounds.radius[0] * (1 + 1e-9) + 1e-14 * abs(value)
@@ -131,7 +139,7 @@ def test_bounds_over_all_of_the_time(text, low, high):
         ("1/(t + 1e-3)", math.log(2.001 / 0.001)),
         ("where(t < 1.9, 0, 5)", 0.5),
         ("where(sin(2*pi*1000*t) > 0, 1, 0)", 1),
-        ("sum(where(t > l/7, l, 0) for l in range(1, 15))", sum(n * (2 - n / 7) for n in range(15))),
+        ("sum(where(t > l/7, l, 0) for l in range(1, 15))", 30 * 7 - 145),
     ],
 )  # fmt: skip
 def test_integrals_are_those_in_closed_form(text, integral):
@@ -144,7 +152,12 @@ def test_integrals_are_those_in_closed_form(text, integral):
 
 
 def test_polynomials_are_the_force_within_what_they_may_miss():
-    for text in ("sin(400*t)", "exp(-50*(t - 1)**2)*cos(90*t)", "abs(sin(40*t))", "sqrt(t)/(t + 1e-2)"):
+    for text in (
+        "sin(400*t)",
+        "exp(-50*(t - 1)**2)*cos(90*t)",
+        "abs(sin(40*t))",
+        "sqrt(t)/(t + 1e-2)",
+    ):
         course = follow(text)
         times = np.random.default_rng(0).uniform(0, DURATION, 20000)
         seen = np.abs(course(times) - course.expression(t=times)).mean() * DURATION
@@ -228,7 +241,9 @@ def propagator_run(blocks, singles, force, course, outputs, euler_steps=0):
     jumps = propagator.prepare(
         blocks, singles, force[None], interval, outputs, (course,), euler_steps
     )
-    state = np.zeros((blocks[0].shape[0] if blocks.shape[-1] > 2 else 2 * len(blocks) - singles, outputs))
+    state = np.zeros(
+        (blocks[0].shape[0] if blocks.shape[-1] > 2 else 2 * len(blocks) - singles, outputs)
+    )
     jumps.run(state)
     return state.T
 
@@ -266,11 +281,13 @@ def test_any_force_does_what_quadrature_says(model, force, outputs):
     """It may jump, kink, ring or rest, with outputs coarse or fine."""
     text, points = force
     course = follow(text)
-    found = propagator_run(*model, course, outputs)
+    blocks, singles, profile = model
+    matrix, push = whole(blocks, singles, profile)
+    found = propagator_run(blocks, singles, profile, course, outputs)
     for row in {(outputs - 1) // 2 or 1, outputs - 1}:
         end = DURATION * row / (outputs - 1)
-        expected, size = response(*whole(*model), text, points, end)
-        scale = np.abs(model[2]).max() * max(size, 1e-9 * course.total) + 1e-300
+        expected, size = response(matrix, push, text, points, end)
+        scale = np.abs(profile).max() * max(size, 1e-9 * course.total) + 1e-300
         np.testing.assert_allclose(found[row], expected, rtol=0, atol=1e-10 * scale)
     assert course.missed <= 1e-10 * course.total
 
@@ -282,7 +299,9 @@ def test_terms_add_up(model, one, other, outputs, euler_steps):
     blocks, singles, profile = model
     first, second = follow(one[0]), follow(other[0])
     alone = propagator_run(blocks, singles, profile, first, outputs, euler_steps)
-    alone = alone + propagator_run(blocks, singles, 2 * profile[:, ::-1] * (profile != 0), second, outputs, euler_steps)
+    alone = alone + propagator_run(
+        blocks, singles, 2 * profile[:, ::-1] * (profile != 0), second, outputs, euler_steps
+    )
     interval = DURATION / (outputs - 1)
     both = np.stack([profile, 2 * profile[:, ::-1] * (profile != 0)])
     jumps = propagator.prepare(
@@ -422,7 +441,12 @@ def test_a_uniform_force_gives_its_integral_to_all_particles():
 
 
 @pytest.mark.parametrize(
-    ("time", "at"), [("1/(t - 0.503)", "0.503"), ("1e-9/(3*t - 1)", "0.333333"), ("(t - 0.1234567)**-2", "0.123457")]
+    ("time", "at"),
+    [
+        ("1/(t - 0.503)", "0.503"),
+        ("1e-9/(3*t - 1)", "0.333333"),
+        ("(t - 0.1234567)**-2", "0.123457"),
+    ],
 )
 def test_a_force_with_a_pole_between_outputs_is_refused(time, at):
     with pytest.raises(ValueError, match=rf"^scene test: force = {re.escape(time)}: .* t = {at}$"):
