@@ -14,6 +14,8 @@ import pytest
 import xarray as xr
 import yaml
 
+from sphpod.scene import Scene
+
 ROOT = Path(__file__).parents[1]
 SOURCES = ("Snakefile", "config", "profiles", "sphpod", "workflow")
 # The rules whose results are measured times, and what is computed from those.
@@ -344,6 +346,38 @@ def test_modes_are_chosen_by_tolerance(benchmarked):
         assert "of the best model; certified: the bound" in file.attrs["title"]
     log = benchmarked / "small/results/logs/waves/uniform10/lifted_exact/tol1e-2.log"
     assert "certified" in log.read_text()
+
+
+def test_a_pulse_between_outputs_is_in_every_file(tmp_path):
+    """Against the closed form of the one mode that it drives."""
+    folder = copy_of_project(tmp_path)
+    settings = {
+        "domain_length": 1, "duration": 4, "initial_velocity": 0, "initial_density": 1,
+        "youngs_modulus": 0.1, "particle_count": 50, "smoothing_ratio": 1.04, "time_step": 5e-4,
+        "error_interval": 0.1,
+        "force": {"time": "where(0.51 < t < 0.56, 1e-2, 0)", "profile": "sin(2*pi*x/L)"},
+        "references": ["exact"], "section": "pulse",
+        "samplings": {"uniform40": {"range": [0, 4], "count": 40}},
+    }  # fmt: skip
+    text = yaml.safe_dump({"output": "small", "scenes": {"pulse": settings}})
+    (folder / "config/small.yaml").write_text(text)
+    home = "small/results/pulse"
+    reduced = f"{home}/uniform40/lifted_exact/k6.nc"
+    run = snakemake(folder, "--", f"{home}/lifted_full.nc", f"{home}/reference_exact.nc", reduced)
+    assert run.returncode == 0, run.stderr
+    case = Scene.from_settings("pulse", settings)
+    shape = np.sin(2 * np.pi * case.positions)
+    t, begin, end = case.error_times[:, None], 0.51, 0.56
+    symbol = case.derivative(np.cos(2 * np.pi * case.positions)) @ shape / (shape @ shape)
+    for name, wave in (("lifted_full", abs(symbol)), ("reference_exact", 2 * np.pi)):
+        omega = wave * np.sqrt(0.1)
+        kicks = np.sin(omega * np.maximum(t - begin, 0)) - np.sin(omega * np.maximum(t - end, 0))
+        expected = 1e-2 / omega * kicks * shape
+        with xr.open_dataset(folder / f"{home}/{name}.nc") as file:
+            np.testing.assert_allclose(file["velocity"], expected, rtol=0, atol=1e-9 * 5e-4)
+    with xr.open_dataset(folder / reduced) as file:
+        assert file["energy_error_lifted"] < 1e-9
+        assert file["energy_error_lifted"] <= file["energy_error_bound"] + 1e-12
 
 
 def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
