@@ -51,6 +51,8 @@ _INFLUENCES = (
     np.abs(chebyshev.chebval(np.linspace(-1, 1, 1001), _TO_COEFFICIENTS.T)).mean(axis=1) * 1.01
 )
 _SEEN = (1 + np.cos(np.pi * (np.arange(3) + 0.5) / 3)) / 2
+# Values at Gauss points times their weights, to Legendre coefficients.
+_LEGENDRE = legendre.legvander(POINTS, NODES - 1) * (np.arange(NODES) + 0.5)
 _TO_POINTS = chebyshev.chebvander(POINTS, NODES - 1).T
 
 
@@ -105,19 +107,30 @@ class Course:
         return chebyshev.chebval(place, coefficients, tensor=False)
 
     def departures(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-        """Bounds of |f - q| on intervals, q the polynomial through f at their Gauss points.
+        """Bounds of |p - q| on intervals, q the polynomial through f at their Gauss points.
+
+        The difference is a polynomial on each part of a piece, and below the sum of its Chebyshev
+        coefficients.
 
         Parameters
         ----------
         low, high : arrays, shape (intervals,)
-            Ends of the intervals [s].
+            Ends of ascending intervals that do not overlap [s].
 
         Returns
         -------
         array, shape (intervals,)
-            Infinite where f is not known to be one analytic function.
         """
-        return enclose(self.expression, low, high).radius * MISSED
+        values = _values(self.expression, _points(low, high, POINTS))
+        coefficients = values * WEIGHTS @ _LEGENDRE
+        start, end, interval, piece = self._parts(low, high)
+        times = _points(start, end, PLACES)
+        places = 2 * (times - low[interval, None]) / (high - low)[interval, None] - 1
+        known = np.moveaxis(coefficients[interval], 1, 0)[..., None]
+        difference = self._on(piece, times) - legendre.legval(places, known, tensor=False)
+        result = np.zeros(low.size)
+        np.maximum.at(result, interval, np.abs(difference @ _TO_COEFFICIENTS).sum(axis=1))
+        return result
 
     def projected(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Polynomials nearest to f in the mean on intervals, at the intervals' Gauss points.
@@ -134,15 +147,8 @@ class Course:
         -------
         array, shape (intervals, NODES)
         """
-        cuts = np.unique(np.concatenate([low, high, self.edges]))
-        cuts = cuts[(cuts >= low[0]) & (cuts <= high[-1])]
-        start, end = cuts[:-1], cuts[1:]
-        interval = np.searchsorted(low, start, side="right") - 1
-        inside = start < high[interval]
-        start, end, interval = start[inside], end[inside], interval[inside]
-        piece = np.searchsorted(self.edges, start, side="right") - 1
-        piece = np.clip(piece, 0, len(self.coefficients) - 1)
-        times = start[:, None] + (end - start)[:, None] * ((1 + POINTS) / 2)
+        start, end, interval, piece = self._parts(low, high)
+        times = _points(start, end, POINTS)
         values = self._on(piece, times)
         result = np.zeros((low.size, NODES))
         whole = np.bincount(interval, minlength=low.size) == 1
@@ -158,9 +164,19 @@ class Course:
             polynomials = legendre.legvander(np.clip(places[some], -1, 1), NODES - 1)
             terms = np.einsum("iq,iqk->ik", shares[some], polynomials)
             np.add.at(moments, interval[some], terms)
-        to_points = legendre.legvander(POINTS, NODES - 1).T * (np.arange(NODES)[:, None] + 0.5)
-        result[~whole] = moments[~whole] @ to_points
+        result[~whole] = moments[~whole] @ _LEGENDRE.T
         return result
+
+    def _parts(self, low, high):
+        """Parts of intervals that lie in one piece each: start, end, interval and piece."""
+        cuts = np.unique(np.concatenate([low, high, self.edges]))
+        cuts = cuts[(cuts >= low[0]) & (cuts <= high[-1])]
+        start, end = cuts[:-1], cuts[1:]
+        interval = np.searchsorted(low, start, side="right") - 1
+        inside = start < high[interval]
+        start, end, interval = start[inside], end[inside], interval[inside]
+        piece = np.searchsorted(self.edges, start, side="right") - 1
+        return start, end, interval, np.clip(piece, 0, len(self.coefficients) - 1)
 
     def _on(self, piece, times):
         """Values of pieces (n,) at times (n, points) in them."""
@@ -213,7 +229,7 @@ def _course(text, variables, constants, duration):
     if decided.all():
         low, high, radius = _merged(expression, low, high, radius, sums)
     edges, width, smooth = np.append(low, duration), high - low, np.isfinite(radius)
-    times = low[:, None] + width[:, None] * ((1 + PLACES) / 2)
+    times = _points(low, high, PLACES)
     values = _values(expression, times)
     seen = np.concatenate([ends, [duration], times.ravel()])
     sound = np.isfinite(_values(expression, seen))
@@ -258,6 +274,11 @@ def _swing(expression, low, high):
     """Bounds of what f may change by on intervals, times their lengths."""
     bounds = enclose(expression, low, high)
     return (bounds.high - bounds.low) * (high - low)
+
+
+def _points(low, high, places):
+    """Places in [-1, 1] as times in each interval, (intervals, places)."""
+    return low[:, None] + (high - low)[:, None] * ((1 + places) / 2)
 
 
 def _values(expression, times):

@@ -209,6 +209,10 @@ def _panels(courses, interval, intervals):
         edges = np.arange(intervals // panel + 1) * (panel * interval)
         smooth = np.ones(intervals // panel, bool)
         for course in courses:
+            smooth[np.clip(np.searchsorted(edges, course.breaks) - 1, 0, smooth.size - 1)] = False
+        if panel > 1 and np.count_nonzero(~smooth) > ROUGH * smooth.size:
+            continue
+        for course in courses:
             limit = PANEL_ACCURACY * course.total / (intervals * interval)
             smooth &= course.departures(edges[:-1], edges[1:]) <= limit
         if np.count_nonzero(~smooth) <= ROUGH * smooth.size:
