@@ -4,7 +4,7 @@ Every contender computes the same: the state at all times of the error integral,
 fields, a reduced model in its own coordinates; what fields cost on top is told apart. They are
 prepared first; what they share, such as modes, is not timed with any of them but told as offline
 time. The force at every step is prepared too, where a model steps; a lifted reduced model evaluates
-it as it runs. Errors are those of the very runs that are timed.
+it as it runs where it is smooth. Errors are those of the very runs that are timed.
 """
 
 import time
