@@ -192,7 +192,8 @@ def scaling_study(most: int = 6) -> Arrays:
 def broken_error() -> Figure:
     broken = sweep()
     for values in (broken["velocity_error_sph"], broken["density_error_reference"]):
-        values[[1, 2]] = np.nan, np.inf
+        # Not a number is an error without a size, which is no breakdown.
+        values[[1, 2, 6]] = 1e4, np.inf, np.nan
     broken["velocity_error_sph"][4] = 1e80
     return plotting.error(pod(), broken, errors(), "fd")
 
@@ -414,7 +415,7 @@ def test_breakdown_is_marked_on_the_top_edge() -> None:
     assert right.get_title(loc="right") == plotting.BREAKDOWN_NOTE
     # The curve has gaps there, and the limits keep to the finite errors.
     curve = y_of(curves(right, plotting.BLUE)[0])
-    np.testing.assert_array_equal(np.flatnonzero(np.isnan(curve)), [1, 2, 4])
+    np.testing.assert_array_equal(np.flatnonzero(np.isnan(curve)), [1, 2, 4, 6])
     assert right.get_ylim()[1] < plotting.WORST_ERROR
 
 
@@ -453,7 +454,7 @@ def test_acceleration_panels() -> None:
 
 def test_acceleration_that_breaks_down() -> None:
     acceleration, cpu_time = study((12,))
-    acceleration["acceleration_velocity_error"][3] = np.nan
+    acceleration["acceleration_velocity_error"][3] = np.inf
     velocity, density = plotting.acceleration(acceleration, cpu_time, errors(), "fd").axes
     (mark,) = on_top_edge(velocity)
     np.testing.assert_allclose(x_of(mark), [0.1 * 1.24 * (0.05 + 0.6 / 2)])

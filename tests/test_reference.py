@@ -90,6 +90,22 @@ def test_the_estimate_is_right_where_damping_jumps():
         assert 1 <= ratio <= 3
 
 
+@pytest.mark.parametrize(
+    "time",
+    ["where(0.5101 < t < 0.5102, 10, 0)", "where(t < 0.3, 1e-2, 0)", "abs(sin(9*t))*1e-2"],
+    ids=["pulse within a step", "jump", "kinks"],
+)
+def test_an_uneven_force_that_breaks_between_steps_is_estimated(time):
+    case = scene(
+        duration=2, particle_count=60, force={"time": time, "profile": "sin(2*pi*x/L)"},
+        error_interval=0.1, youngs_modulus=0.4, time_step=5e-3, initial_velocity=0,
+    )  # fmt: skip
+    found, truth = reference.solve_centred(case), exact.solve(case)
+    for field in FIELDS:
+        error = relative_error(found[field], truth[field])
+        assert 1 <= found[f"{field}_error_estimate"] / error <= 3
+
+
 def test_particles_too_few_for_an_estimate_are_told_of(caplog):
     case = scene("coarse", particle_count=16, initial_velocity="1e-3*sin(16*pi*x/L)")
     result = reference.solve_centred(case)
