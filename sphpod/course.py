@@ -9,7 +9,6 @@ floating-point numbers. No sample decides, so that no pulse is too short to be s
 
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import pairwise
 
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
@@ -146,6 +145,7 @@ class Course:
         Returns
         -------
         array, shape (intervals, NODES)
+            Not finite from where the force was found not to be.
         """
         start, end, interval, piece = self._parts(low, high)
         times = _points(start, end, POINTS)
@@ -165,6 +165,8 @@ class Course:
             terms = np.einsum("iq,iqk->ik", shares[some], polynomials)
             np.add.at(moments, interval[some], terms)
         result[~whole] = moments[~whole] @ _LEGENDRE.T
+        # Nothing is known any more of what a force does that was found not to be finite.
+        result[high > self.singular] = np.nan
         return result
 
     def impulse(self, times: np.ndarray) -> np.ndarray:
@@ -214,18 +216,29 @@ class Span:
 
 
 def spans(courses: tuple[Course, ...], duration: float) -> list[Span]:
-    """Spans of a force that is a sum of terms, one at least."""
-    cuts = [part for course in courses for part in (course.breaks, course.edges[[0, -1]])]
-    ends = np.unique(np.concatenate([*cuts, [0.0, duration]]))
-    found: list[Span] = []
-    for begin, end in pairwise(ends):
-        if end - begin <= BREAKS * duration and end < duration:
-            continue
-        pieces = [np.diff(np.clip(course.edges, begin, end)) for course in courses]
-        shortest = min((part[part > 0].min() for part in pieces), default=np.inf)
-        inner = float(np.nextafter(begin, end)), float(np.nextafter(end, begin))
-        found.append(Span(found[-1].last if found else 0.0, float(end), inner, float(shortest)))
-    return found
+    """Spans of a force that is a sum of terms, one at least.
+
+    Terms that could not be followed are only parted where they were found not to be finite.
+    """
+    proved = [course for course in courses if np.isfinite(course.missed)]
+    cuts = [[0.0, duration], *(course.breaks for course in proved)]
+    ends = np.unique(np.concatenate([*cuts, [c.singular for c in courses if c.singular > 0]]))
+    begins, ends = ends[:-1], ends[1:]
+    wide = (ends - begins > BREAKS * duration) | (ends == duration)
+    begins, ends = begins[wide], ends[wide]
+    shortest = np.full(ends.size, np.inf)
+    for course in proved:
+        edges = np.unique(np.concatenate([course.edges, begins, ends]))
+        within = np.searchsorted(edges, np.stack([begins, ends], axis=1).ravel())
+        least = np.minimum.reduceat(np.append(np.diff(edges), np.inf), within)[::2]
+        shortest = np.minimum(shortest, least)
+    return [
+        Span(float(before), float(end), (float(low), float(high)), float(width))
+        for before, end, low, high, width in zip(
+            np.append(0.0, ends[:-1]), ends, np.nextafter(begins, ends),
+            np.nextafter(ends, begins), shortest, strict=True,
+        )
+    ]  # fmt: skip
 
 
 @lru_cache(maxsize=64)

@@ -614,6 +614,8 @@ def _adaptive(scene, integrator, tolerance, begin):
         velocity[0], strain[0] = begin
         state = start
         for part in parts:
+            if not np.isfinite(rate(part.inner[0], state)).all():
+                break
             rows = np.flatnonzero((times > part.first) & (times <= part.last))
             result = solve_ivp(
                 partial(_within, rate, part.inner) if courses else rate,
@@ -623,11 +625,13 @@ def _adaptive(scene, integrator, tolerance, begin):
                 max_step=part.shortest,
                 **options,
             )
-            rows = rows[: result.y.shape[1]]
-            velocity[rows], strain[rows] = np.split(result.y.T[: rows.size], 2, axis=1)
+            # Of a span that fails at once scipy returns an empty list.
+            states = np.reshape(result.y, (start.size, -1)).T
+            rows = rows[: len(states)]
+            velocity[rows], strain[rows] = np.split(states[: rows.size], 2, axis=1)
             if not result.success:
                 break
-            state = result.y[:, -1]
+            state = states[-1]
         return _watched(velocity, strain) if watch else -1
 
     return run
