@@ -208,6 +208,17 @@ def _refused_sum(series: ast.AST, names: frozenset[str]) -> str | None:
             return "sum takes one series, as in sum(l*x for l in range(1, 4))"
 
 
+class _Shifted(ast.NodeTransformer):
+    """Add a number to a variable wherever it stands."""
+
+    def __init__(self, name: str, by: float):
+        self.name, self.by = name, by
+
+    def visit_Name(self, node: ast.Name) -> ast.AST:
+        added = ast.BinOp(node, ast.Add(), ast.Constant(float(self.by)))
+        return added if node.id == self.name else node
+
+
 class Expression:
     """A function of position, time or both, given as a number or a text.
 
@@ -279,6 +290,12 @@ class Expression:
             reason = " ".join(str(error).split()).rstrip(".")
             raise self._error(f"it cannot be evaluated ({reason})") from error
         return result
+
+    def shifted(self, by: float) -> "Expression":
+        """The expression of one variable that gives at t what this one gives at t + ``by``."""
+        (name,) = self.variables
+        tree = ast.parse(self.text.strip(), mode="eval").body
+        return Expression(ast.unparse(_Shifted(name, by).visit(tree)), (name,), self.constants)
 
     def _error(self, reason: str) -> ValueError:
         names = ", ".join((*self.variables, *self.constants, *FUNCTIONS))

@@ -39,6 +39,9 @@ INTEGRATORS = (*FIXED_STEP, *ADAPTIVE, "exact")
 NO_LISTS = np.zeros(0, np.uint64), np.zeros(0, np.uint64), ABSENT
 """Stands for the neighbour lists that evenly spaced particles do not need."""
 
+VALUES_AT_ONCE = 2**22
+"""Values of a field between outputs that are looked at together, which bounds the memory."""
+
 FIELDS_AT_ONCE = 64
 """Fields that are transformed together; few enough for the processor's cache."""
 
@@ -499,7 +502,7 @@ def _broken_from_start(begin):
 def _resolved(scene, integrator, tolerance, run):
     """A run that looks for a fold between outputs too, where they do not resolve the waves.
 
-    An interval between outputs is solved anew, with outputs within it, unless energy excludes a
+    Intervals between outputs are solved anew, with outputs within them, unless energy excludes a
     fold: nothing but a force raises it, and a strain is at most its norm over the least √(V c).
     """
     count, interval = scene.particle_count, scene.error_interval
@@ -508,51 +511,50 @@ def _resolved(scene, integrator, tolerance, run):
         return run
     mass, stiffness = energy_weights(scene)
     _, profile = scene.force_values(np.zeros(1))
-    fractions = (np.arange(8 * parts) + 0.5) / (8 * parts)
     uniform = is_uniform(scene)
+    pushed = np.zeros(scene.error_times.size - 1)
+    # A translation of uniform particles strains nothing.
+    if profile.size and not (uniform and np.ptp(profile) == 0):
+        for course in scene.courses():
+            pushed += np.diff(course.impulse(scene.error_times)) * np.linalg.norm(mass * profile)
+    at_once = max(1, VALUES_AT_ONCE // (parts * count))
 
-    def excluded(velocity, strain, time):
-        # A translation of uniform particles strains nothing.
-        waves = velocity - velocity.mean() if uniform else velocity
-        norm = np.sqrt(np.sum((mass * waves) ** 2) + np.sum((stiffness * strain) ** 2))
-        if profile.size and not (uniform and np.ptp(profile) == 0):
-            force = np.abs(scene.force_time(t=time + interval * fractions)).mean()
-            norm += interval * force * np.linalg.norm(mass * profile)
-        return norm < 0.99 * stiffness.min()
+    def may_fold(velocity, strain, rows):
+        waves = velocity[rows] - velocity[rows].mean(axis=1)[:, None] if uniform else velocity[rows]
+        squares = np.sum((mass * waves) ** 2, axis=1)
+        squares += np.sum((stiffness * strain[rows]) ** 2, axis=1)
+        return np.sqrt(squares) + pushed[rows] >= 0.99 * stiffness.min()
 
     def run_and_look(velocity, strain, watch=True):
         failed = run(velocity, strain, watch)
         if not watch:
             return failed
-        last = len(velocity) - 1 if failed < 0 else failed // count
-        for row in range(last):
-            time = scene.error_times[row]
-            if excluded(velocity[row], strain[row], time):
-                if profile.size:
-                    continue
-                break
+        row, last = 0, len(velocity) - 1 if failed < 0 else failed // count
+        while row < last:
+            doubts = may_fold(velocity, strain, slice(row, min(row + at_once, last)))
+            if not doubts.any():
+                row += doubts.size
+                continue
+            row, end = row + int(doubts.argmax()), row + doubts.size
             within = replace(
                 scene,
-                duration=interval,
+                duration=(end - row) * interval,
                 error_interval=interval / parts,
                 time_step=interval / parts,
-                force_time=_later(scene.force_time, time),
+                force_time=scene.force_time and scene.force_time.shifted(scene.error_times[row]),
             )
-            fields = np.empty((2, parts + 1, count))
+            fields = np.empty((2, (end - row) * parts + 1, count))
             start = velocity[row], strain[row]
             found = prepare(within, integrator, tolerance=tolerance, start=start)(*fields)
-            # The end of the interval is an output, in which the run itself sees what is broken.
-            if 0 <= found < parts * count:
-                velocity[row + 1], strain[row + 1] = fields[:, found // count]
-                return (row + 1) * count + found % count
+            # The end is an output, in which the run itself sees what is broken.
+            if 0 <= found < (end - row) * parts * count:
+                row += -(-(found // count) // parts)
+                velocity[row], strain[row] = fields[:, found // count]
+                return row * count + found % count
+            row = end
         return failed
 
     return run_and_look
-
-
-def _later(force_time, start):
-    """A force's course as it goes on from a time [s]."""
-    return None if force_time is None else lambda t: force_time(t=start + t)
 
 
 # --- Adaptive steps -------------------------------------------------------------------------------

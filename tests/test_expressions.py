@@ -247,3 +247,12 @@ def test_any_text_gives_real_numbers_or_one_sentence(text):
         return
     assert "is refused because" in message
     assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["3", "t", "sin(2*t)**2 - t", "sum(l*cos(l*t) for l in range(1, 4))", "where(t < 1, 1, t)"],
+)
+def test_a_shifted_expression_gives_what_follows(text):
+    expression, times = Expression(text, ("t",), {"T": 2.0}), np.linspace(0, 2, 9)
+    np.testing.assert_array_equal(expression.shifted(0.5)(t=times), expression(t=times + 0.5))
