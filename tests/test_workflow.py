@@ -244,7 +244,7 @@ def test_the_same_is_made_anew_without_what_snakemake_keeps(benchmarked, bare, t
                 )
             if change == "kernel":
                 kernel = folder / "sphpod/reference.py"
-                changes.enter_context(edited(kernel, "    done = 0\n", "    done = 1 - 1\n"))
+                changes.enter_context(edited(kernel, "= stress[0]\n", "= 1.0 * stress[0]\n"))
             jobs[folder], said = made_anew(folder, "lifted", **environment)
         assert "Params have changed since last execution" in said
     assert jobs[benchmarked] == jobs[bare]
