@@ -68,6 +68,7 @@ from numpy.polynomial import chebyshev
 from sphpod import lifted, propagator
 from sphpod.compiled import compiled
 from sphpod.course import Course
+from sphpod.error import share
 from sphpod.lifted_rom import LiftedModel, Prepared
 from sphpod.scene import Scene
 
@@ -496,8 +497,8 @@ def _over_time(full, model, start, bounds, known):
         motion = Motion.of(full, model, start, steps)
         found = [bound.on(motion) for bound in bounds]
         missing = max(
-            (bound - straight).max() / (EXCESS * (straight.max() + known) + ROUNDING * scale)
-            for bound, straight in found
+            float(share(gap, EXCESS * (straight.max() + known) + ROUNDING * scale))
+            for gap, straight in (((bound - line).max(), line) for bound, line in found)
         )
         if not missing > 1 or steps == FINEST:
             break

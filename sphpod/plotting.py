@@ -427,7 +427,7 @@ def _draw_singular_values(axes: Axes, pod: Arrays) -> None:
             (noise,) = axes.plot(number[~kept], values[~kept], color=GREY, **look)
     if noise:
         noise.set_label("below 10⁻¹² of the first")
-    axes.set(xlabel="mode number", ylabel="singular value of v [m/s], ρ [kg/m³]")
+    axes.set(xlabel="mode number", ylabel="singular value [m/s, kg/m³]")
     axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
     scale_log(axes.yaxis, np.concatenate([pod[f"{field}_singular_values"] for field in FIELDS]))
 
