@@ -19,7 +19,7 @@ from sphpod.dataset import VARIABLES
 from sphpod.scene import Scene
 
 ROOT = Path(__file__).parents[1]
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+SCHEMA = ROOT / "sphpod" / "config.schema.yaml"
 DOCUMENTS = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
     for path in (
@@ -236,6 +236,7 @@ def test_commands_are_understood():
             assert str(path) == EXAMPLE or (ROOT / path).is_file(), words
 
 
+@pytest.mark.workflow
 def test_targets_are_known_to_the_workflow(example):
     """A dry run for each configuration that the documents build single targets of."""
     parser = get_argument_parser()

@@ -11,7 +11,7 @@ from sphpod.scene import Scene
 
 ROOT = Path(__file__).parents[1]
 PAPER = config.load(
-    [ROOT / "config" / "config.yaml"], ROOT / "workflow" / "schemas" / "config.schema.yaml"
+    [ROOT / "config" / "config.yaml"], ROOT / "sphpod" / "config.schema.yaml"
 )
 SOLVERS = {
     "fd": reference.solve_paper,

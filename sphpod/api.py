@@ -1,0 +1,600 @@
+"""The public functions, for a notebook or a script of one's own.
+
+Scenes are given by keywords or by a configuration file, and checked as the workflow checks them.
+Results are an `xarray.Dataset` with names, units and meanings as in the files of the workflow
+(docs/notation.md); ``dataset["velocity"].values`` is the array. What is asked for as a dataset may
+be any mapping of arrays by these names.
+
+Solutions are kept at the times of the error integral, ``scene.error_times``, shape (times,); N is
+the number of particles.
+"""
+
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sphpod import (
+    certificate,
+    config,
+    error,
+    error_bound,
+    exact,
+    lifted,
+    lifted_rom,
+    pod,
+    reference,
+    resolution,
+    rom,
+    rounding,
+    snapshots,
+    sph,
+    stability,
+)
+from sphpod.dataset import VARIABLES
+from sphpod.scene import PHYSICS_KEYS, Scene
+
+if TYPE_CHECKING:
+    import xarray
+    from matplotlib.figure import Figure
+
+Data = Mapping[Any, Any]
+"""An `xarray.Dataset`, or arrays by the same names."""
+
+REFERENCES = {
+    "fd": reference.solve_paper,
+    "centred": reference.solve_centred,
+    "exact": exact.solve,
+    "modified": exact.solve_modified,
+}
+"""How each kind of reference is solved."""
+
+
+# --- Scenes ---------------------------------------------------------------------------------------
+
+
+def make_scene(name: str = "scene", **settings: Any) -> Scene:
+    """A scene (section 2.1) from the keys that a configuration has for it.
+
+    Parameters
+    ----------
+    name : str
+        How messages name it: lower-case letters, digits and underscores.
+    **settings
+        domain_length [m], duration [s], initial_velocity [m/s], initial_density [kg/m³],
+        youngs_modulus [Pa], particle_count, smoothing_ratio and time_step [s]; and, where the scene
+        has them, damping [1/s], force [m/s²], interface, positions and error_interval [s]. Profiles
+        are numbers or expressions in x (a force: in t) as text; docs/adding-a-scene.md has all.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ConfigError
+        One sentence that names scene, key, value and what is allowed.
+    """
+    for key, value in settings.items():
+        if key in ("section", "references", "samplings", "acceleration", "figures"):
+            allowed = f"it is no part of the motion; allowed are {', '.join(PHYSICS_KEYS)}"
+            raise config.ConfigError(f"scene {name}: {key} = {value}: {allowed}")
+    resolved = config.load([], overrides={"scenes": {name: settings}})
+    return Scene.from_settings(name, resolved["scenes"][name])
+
+
+def load_scene(path: str | Path, name: str | None = None) -> Scene:
+    """A scene of a configuration file, such as ``config/config.yaml``.
+
+    Parameters
+    ----------
+    path : str or Path
+    name : str, optional
+        Which scene; not needed where the file has one.
+
+    Returns
+    -------
+    Scene
+
+    Raises
+    ------
+    ConfigError
+        The file cannot be read, says something that is not allowed, or has no such scene.
+    """
+    return Scene.from_settings(*_block(path, name))
+
+
+def load_samplings(path: str | Path, name: str | None = None) -> dict[str, dict[str, Any]]:
+    """The samplings of a scene of a configuration file: arguments of `take_snapshots` by name.
+
+    Parameters, errors raised: those of `load_scene`.
+    """
+    return {
+        sampling: {key: value for key, value in keys.items() if key != "mode_counts"}
+        for sampling, keys in _block(path, name)[1]["samplings"].items()
+    }
+
+
+def _block(path, name):
+    """Name and resolved settings of a scene of a file."""
+    scenes = config.load([path])["scenes"]
+    if name is None and len(scenes) == 1:
+        (name,) = scenes
+    if name not in scenes:
+        what = "name = None: one of several must be named" if name is None else "no such scene"
+        raise config.ConfigError(
+            f"{path}: {f'scene {name}: ' if name else ''}{what}; allowed are {', '.join(scenes)}"
+        )
+    return name, scenes[name]
+
+
+# --- Full solutions -------------------------------------------------------------------------------
+
+
+def solve_sph(scene: Scene) -> "xarray.Dataset":
+    """Full SPH with explicit Euler steps, (2.10) and (2.11).
+
+    Parameters
+    ----------
+    scene : Scene
+
+    Returns
+    -------
+    xarray.Dataset
+        velocity (t, x) [m/s], density (t, x) [kg/m³]; as attributes what is predicted of waves that
+        grow or are not resolved (`stability.predict`, `resolution.predict`), which the log warns
+        of.
+
+    Raises
+    ------
+    Breakdown
+        The solution became non-finite or its density stopped being positive.
+    """
+    predicted = stability.predict(scene) | resolution.predict(scene)
+    return _labelled(scene, sph.solve(scene, scene.error_steps), predicted)
+
+
+def solve_lifted(scene: Scene, integrator: str = "exact", **options: float) -> "xarray.Dataset":
+    """Full SPH in velocity and strain e = ρ0/ρ - 1, in which it is linear (`sphpod.lifted`).
+
+    Parameters
+    ----------
+    scene : Scene
+    integrator : {"exact", "explicit_euler", "symplectic_euler", "leapfrog", "rk45", "dop853"}
+    **options
+        time_step [s] of a fixed step, or the relative tolerance of an adaptive one.
+
+    Returns
+    -------
+    xarray.Dataset
+        velocity (t, x) [m/s], density (t, x) [kg/m³], strain (t, x).
+
+    Raises
+    ------
+    ValueError
+        There is no such integrator, or the error interval is no multiple of the time step.
+    Breakdown
+        The solution became non-finite or its Jacobian 1 + e stopped being positive.
+    """
+    solution = lifted.solve(scene, integrator, **options)
+    return _labelled(scene, solution | {"density": lifted.density(scene, solution["strain"])})
+
+
+def solve_reference(scene: Scene, kind: str) -> "xarray.Dataset":
+    """A solution by other means than SPH, to compare with (section 3, appendix C.2).
+
+    Parameters
+    ----------
+    scene : Scene
+    kind : {"fd", "centred", "exact", "modified"}
+        The paper's finite differences; centred ones, with an estimate of their error; an exact
+        solution; or that of the equations that SPH is consistent with.
+
+    Returns
+    -------
+    xarray.Dataset
+        velocity (t, x) [m/s], density (t, x) [kg/m³]; for centred differences also what
+        `reference.solve_centred` says of their error.
+
+    Raises
+    ------
+    ValueError
+        There is no such kind, or no such solution of this scene is known.
+    Breakdown
+        The solution became non-finite, or the line folds over itself.
+    """
+    if kind not in REFERENCES:
+        allowed = ", ".join(REFERENCES)
+        raise ValueError(f"scene {scene.name}: reference = {kind}: allowed are {allowed}")
+    return _labelled(scene, REFERENCES[kind](scene))
+
+
+# --- Reduced models -------------------------------------------------------------------------------
+
+
+def take_snapshots(scene: Scene, **sampling: Any) -> "xarray.Dataset":
+    """Snapshots of velocity and density of full SPH (section 2.3).
+
+    Parameters
+    ----------
+    scene : Scene
+    **sampling
+        range [s] and count: evenly spaced, the right end excluded, or with a seed distinct random
+        time steps; or velocity_times and density_times [s].
+
+    Returns
+    -------
+    xarray.Dataset
+        velocity_snapshots (velocity_snapshot, x) [m/s] at velocity_time [s], density_snapshots
+        (density_snapshot, x) [kg/m³] at density_time; and velocity_twins, density_twins, those of
+        a run that is rounded differently.
+
+    Raises
+    ------
+    ConfigError
+        The sampling is not allowed; the message names it ``snapshots``.
+    Breakdown
+        Full SPH broke down before the last snapshot.
+    """
+    checked = config.check_sampling(scene, "snapshots", sampling)
+    steps = np.unique(np.concatenate([[0], *snapshots.sampling_steps(scene, checked)]))
+    taken = snapshots.extract(scene, checked, sph.solve(scene, steps))
+    return _labelled(scene, taken | rounding.twins(scene, checked))
+
+
+def decompose(snapshots: Data) -> "xarray.Dataset":
+    """POD modes of velocity and of density snapshots, for the paper's models (section 2.3).
+
+    Parameters
+    ----------
+    snapshots : dataset
+        As from `take_snapshots`; the twins may be missing.
+
+    Returns
+    -------
+    xarray.Dataset
+        velocity_modes (velocity_mode, x) and density_modes, orthonormal, one a row;
+        velocity_singular_values [m/s], density_singular_values [kg/m³]; and how far rounding turns
+        modes and their spans (`pod.Modes`).
+
+    Raises
+    ------
+    ValueError
+        There is no snapshot, a value is not finite, or a density not positive.
+    """
+    return _labelled(None, pod.decompose(_arrays(None, "snapshots", snapshots, "velocity_snapshots")))
+
+
+def decompose_lifted(scene: Scene, snapshots: Data) -> "xarray.Dataset":
+    """Modes of the scaled fields √m v and √(V c) e, orthonormal in the energy (`lifted_rom`).
+
+    Parameters
+    ----------
+    scene : Scene
+    snapshots : dataset
+        As from `take_snapshots`; the twins may be missing.
+
+    Returns
+    -------
+    xarray.Dataset
+        scaled_velocity_modes (scaled_velocity_mode, x), scaled_strain_modes, one a row, their
+        singular values [√(J/m²)], how far rounding turns them, and translation, 1 if the first
+        velocity mode is the rigid translation.
+
+    Raises
+    ------
+    ValueError
+        As `decompose`; or nothing moves in the snapshots of a scene that moves.
+    """
+    given = _arrays(scene, "snapshots", snapshots, "velocity_snapshots")
+    return _labelled(scene, lifted_rom.decompose(scene, given))
+
+
+def solve_reduced(scene: Scene, method: str, modes: Data, mode_count: int) -> "xarray.Dataset":
+    """Run a reduced model, and give its coordinates and its fields at the particles.
+
+    Parameters
+    ----------
+    scene : Scene
+    method : str
+        original, the projected equations (section 2.3); linearized, or frozen1, frozen2, … with
+        coefficients that stand for so many steps (section 2.4), (2.21) to (2.24); lifted_euler,
+        which repeats explicit Euler, or lifted_exact, exact in time (`lifted_rom`).
+    modes : dataset
+        From `decompose`; of a lifted model from `decompose_lifted`.
+    mode_count : int
+        Modes for each field; all there are, as the log warns, where the snapshots hold fewer.
+
+    Returns
+    -------
+    xarray.Dataset
+        velocity (t, x) [m/s], density (t, x) [kg/m³]; velocity_coordinates (t, velocity_mode),
+        density_coordinates; of lifted models strain (t, x) and the coordinates of the scaled
+        fields instead; of lifted_exact also error_bound (t) [√(J/m²)], a bound of the energy norm
+        of the difference from the lifted full model (`error_bound.error_bounds`).
+
+    Raises
+    ------
+    ValueError
+        There is no such method, these are not its modes, or no mode is asked for.
+    Breakdown
+        The model is not finite, or its density or Jacobian not positive.
+    """
+    (count,) = _counts(scene, [mode_count])
+    found = _modes(scene, method, modes)
+    if method in lifted_rom.METHODS:
+        prepared = lifted_rom.build(scene, found, count).prepare(method)
+        state = prepared.solve()
+        velocity, strain = np.empty((2, scene.error_times.size, scene.particle_count))
+        prepared.reconstruct(state, velocity, strain)
+        arrays = prepared.stored(state) | {"strain": strain}
+        density = lifted.density(scene, strain)
+        if method == "lifted_exact":
+            arrays["error_bound"], _ = error_bound.error_bounds(prepared, state)
+    else:
+        model = rom.model(scene, method, found, count)
+        a, b, breakdown = model.solve(scene.error_steps)
+        if breakdown is not None:
+            raise breakdown
+        velocity, density = a @ model.velocity_modes, b @ model.density_modes
+        arrays = {"velocity_coordinates": a, "density_coordinates": b}
+    fields = {"velocity": velocity, "density": density}
+    return _labelled(
+        scene, {"t": scene.error_times, "x": scene.positions} | fields | arrays, {"method": method}
+    )
+
+
+def sweep(
+    scene: Scene, method: str, mode_counts: Iterable[int], modes: Data, full: Data, reference: Data
+) -> "xarray.Dataset":
+    """Errors of a reduced model for several mode counts (section 3.1).
+
+    Parameters
+    ----------
+    scene : Scene
+    method, modes
+        As in `solve_reduced`.
+    mode_counts : ints
+    full : dataset
+        The full model that the method reduces: of `solve_sph`; for lifted_exact of `solve_lifted`.
+    reference : dataset
+        Of `solve_reference`.
+
+    Returns
+    -------
+    xarray.Dataset
+        By mode_count: relative errors of velocity and density, as velocity_error_sph and
+        velocity_error_reference; of lifted_exact also those against its full model, relative in
+        the energy, and their bound energy_error_bound (`certificate.certify`); breakdown_time [s],
+        NaN where the model held; and modes_resolved, 0 where rounding decides over the modes.
+        Errors of what broke down are infinite. A single count adds coordinates over time.
+
+    Raises
+    ------
+    ValueError
+        As `solve_reduced`; or a solution is of other times or particles.
+    Breakdown
+        The model for a single mode count broke down.
+    """
+    counts, found = _counts(scene, mode_counts), _modes(scene, method, modes)
+    seen = ("velocity", "strain") if method == "lifted_exact" else error.FIELDS
+    full = _arrays(scene, "full", full, *seen)
+    reference = _arrays(scene, "reference", reference, *error.FIELDS)
+    if method == "lifted_exact":
+        arrays = certificate.certify(scene, counts, found, full, reference)
+    elif method == "lifted_euler":
+        arrays = lifted_rom.repeat_sph(scene, counts, found, full, reference)
+    else:
+        projected = (error.project_solution(s, found, max(counts)) for s in (full, reference))
+        arrays = rom.sweep(scene, method, counts, found, *projected)
+    return _labelled(scene, arrays, {"method": method})
+
+
+# --- Errors ---------------------------------------------------------------------------------------
+
+
+def relative_error(solution: Any, reference: Any) -> float:
+    """Relative L2 error over times and particles (3.4), with the square root it leaves out.
+
+    Parameters
+    ----------
+    solution, reference : arrays, shape (times, N)
+        One field of each, such as ``full["velocity"]``, at the same times and particles.
+
+    Returns
+    -------
+    float
+        Dimensionless; NaN where the reference is zero and the solution is not.
+
+    Raises
+    ------
+    ValueError
+        Their shapes differ.
+    """
+    solution, reference = (np.asarray(field, float) for field in (solution, reference))
+    if solution.shape != reference.shape:
+        raise ValueError(
+            f"solution of shape {solution.shape}: it must have that of the reference, "
+            f"{reference.shape}"
+        )
+    return error.relative_error(solution, reference)
+
+
+def compare(scene: Scene, full: Data, references: Mapping[str, Data]) -> "xarray.Dataset":
+    """Errors of full SPH against references, and of these against the exact solution (section 3.1).
+
+    Parameters
+    ----------
+    scene : Scene
+    full : dataset
+        Of `solve_sph`.
+    references : mapping
+        Solutions of `solve_reference` by kind.
+
+    Returns
+    -------
+    xarray.Dataset
+        velocity_error and density_error (solution, reference); NaN where none is asked for.
+
+    Raises
+    ------
+    ValueError
+        A solution is of other times or particles.
+    """
+    solutions = {
+        name: _arrays(scene, name, data, *error.FIELDS)
+        for name, data in {"sph": full, **references}.items()
+    }
+    kinds = list(references)
+    arrays = {"solution": np.array(list(solutions)), "reference": np.array(kinds)}
+    for field in error.FIELDS:
+        fields = {name: solution[field] for name, solution in solutions.items()}
+        arrays[f"{field}_error"] = error.compare(fields, kinds)
+    return _labelled(scene, arrays)
+
+
+# --- Figures --------------------------------------------------------------------------------------
+
+
+def plot_profile(
+    scene: Scene, solution: Data, fields: Iterable[str] = ("initial_velocity", "velocity")
+) -> "Figure":
+    """Initial velocity and space-time pictures of a solution (figure 3.1).
+
+    Parameters
+    ----------
+    scene : Scene
+    solution : dataset
+        Of any model or reference.
+    fields : names
+        A panel each: initial_velocity, velocity or density_change.
+
+    Returns
+    -------
+    matplotlib.figure.Figure
+        Its panels are ``figure.axes``.
+
+    Raises
+    ------
+    ValueError
+        A field is none of the three, or the solution is of other times or particles.
+    """
+    from sphpod import plotting
+
+    arrays = _arrays(scene, "solution", solution, *error.FIELDS)
+    return plotting.profile(arrays, list(fields), scene.domain_length)
+
+
+def plot_modes(scene: Scene, modes: Data, count: int = 12) -> "Figure":
+    """The first POD modes of velocity and density (figure 3.2); returns a Figure.
+
+    Parameters
+    ----------
+    scene : Scene
+    modes : dataset
+        Of `decompose`.
+    count : int
+
+    Raises
+    ------
+    ValueError
+        These are not such modes, or those of other particles.
+    """
+    from sphpod import plotting
+
+    arrays = _arrays(scene, "modes", modes, "velocity_modes", "density_modes")
+    return plotting.modes(arrays, count, scene.domain_length)
+
+
+def plot_errors(modes: Data, sweep: Data, errors: Data, reference: str) -> "Figure":
+    """Singular values, and errors against the number of modes (figure 3.3); returns a Figure.
+
+    Parameters
+    ----------
+    modes, sweep, errors : datasets
+        Of `decompose`, of `sweep` against full SPH, and of `compare`.
+    reference : str
+        The reference of the sweep, as `compare` names it.
+
+    Raises
+    ------
+    ValueError
+        The data are not these.
+    """
+    from sphpod import plotting
+
+    return plotting.error(
+        _arrays(None, "modes", modes, "velocity_singular_values", "density_singular_values"),
+        _arrays(None, "sweep", sweep, "velocity_error_sph", "velocity_error_reference"),
+        _arrays(None, "errors", errors, "velocity_error", "density_error"),
+        reference,
+    )
+
+
+# --- Data -----------------------------------------------------------------------------------------
+
+
+def _labelled(scene, arrays, attributes=None):
+    """Arrays as a dataset, with dimensions, units and meanings of `VARIABLES`."""
+    import xarray
+
+    labelled = {}
+    for name, values in arrays.items():
+        meaning = VARIABLES[name]
+        texts = {"units": meaning.units, "long_name": meaning.long_name}
+        labelled[name] = meaning.dims, values, {key: text for key, text in texts.items() if text}
+    found = xarray.Dataset(
+        labelled, attrs=({"scene": scene.name} if scene else {}) | (attributes or {})
+    )
+    times = {VARIABLES[name].coordinates for name in arrays} & set(arrays)
+    return found.set_coords(sorted(times))
+
+
+def _arrays(scene, what, data, *needed):
+    """Arrays of a dataset by name, of the times and particles of the scene where there is one."""
+    variables = getattr(data, "variables", data)
+    if missing := [name for name in needed if name not in variables]:
+        raise ValueError(
+            f"{f'scene {scene.name}: ' if scene else ''}{what} holds {', '.join(variables)}, "
+            f"but not {missing[0]}"
+        )
+    arrays = {name: np.asarray(values) for name, values in variables.items()}
+    if scene is None:
+        return arrays
+    for name, key, expected in (
+        ("x", "particle_count", scene.positions),
+        ("t", "error_interval", scene.error_times),
+    ):
+        if name in arrays and not np.array_equal(arrays[name], expected):
+            raise ValueError(
+                f"scene {scene.name}: {what}: its {arrays[name].size} values of {name} are not the "
+                f"{expected.size} of the scene (see {key})"
+            )
+    return arrays
+
+
+def _modes(scene, method, modes):
+    """Arrays of the modes that a method takes."""
+    if method not in lifted_rom.METHODS:
+        try:
+            rom.freeze_steps(method)
+        except ValueError as refusal:
+            raise ValueError(
+                f"scene {scene.name}: {refusal}, {', '.join(lifted_rom.METHODS)}"
+            ) from None
+    scaled = method in lifted_rom.METHODS
+    needed = ("scaled_velocity", "scaled_strain") if scaled else error.FIELDS
+    return _arrays(scene, f"modes of {method}", modes, *(f"{name}_modes" for name in needed))
+
+
+def _counts(scene, mode_counts):
+    counts = list(mode_counts)
+    for count in counts:
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+            raise ValueError(
+                f"scene {scene.name}: mode_count = {count}: it must be a whole number from 1 on"
+            )
+    if not counts:
+        raise ValueError(f"scene {scene.name}: mode_counts: at least one is needed")
+    return [int(count) for count in counts]
