@@ -155,15 +155,22 @@ def solve_sph(scene: Scene) -> "xarray.Dataset":
     return _labelled(scene, sph.solve(scene, scene.error_steps), predicted)
 
 
-def solve_lifted(scene: Scene, integrator: str = "exact", **options: float) -> "xarray.Dataset":
+def solve_lifted(
+    scene: Scene,
+    integrator: str = "exact",
+    time_step: float | None = None,
+    tolerance: float = 1e-8,
+) -> "xarray.Dataset":
     """Full SPH in velocity and strain e = ρ0/ρ - 1, in which it is linear (`sphpod.lifted`).
 
     Parameters
     ----------
     scene : Scene
     integrator : {"exact", "explicit_euler", "symplectic_euler", "leapfrog", "rk45", "dop853"}
-    **options
-        time_step [s] of a fixed step, or the relative tolerance of an adaptive one.
+    time_step : float, optional
+        Fixed step [s] of explicit_euler, symplectic_euler and leapfrog; the scene's if not given.
+    tolerance : float
+        Relative tolerance of rk45 and dop853.
 
     Returns
     -------
@@ -177,7 +184,7 @@ def solve_lifted(scene: Scene, integrator: str = "exact", **options: float) -> "
     Breakdown
         The solution became non-finite or its Jacobian 1 + e stopped being positive.
     """
-    solution = lifted.solve(scene, integrator, **options)
+    solution = lifted.solve(scene, integrator, time_step, tolerance)
     return _labelled(scene, solution | {"density": lifted.density(scene, solution["strain"])})
 
 
@@ -543,6 +550,8 @@ def _labelled(scene, arrays, attributes=None):
     for name, values in arrays.items():
         meaning = VARIABLES[name]
         texts = {"units": meaning.units, "long_name": meaning.long_name}
+        if meaning.dtype is not str:
+            values = np.asarray(values, meaning.dtype)
         labelled[name] = meaning.dims, values, {key: text for key, text in texts.items() if text}
     found = xarray.Dataset(
         labelled, attrs=({"scene": scene.name} if scene else {}) | (attributes or {})

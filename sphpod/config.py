@@ -188,7 +188,7 @@ def check_sampling(scene: scenes.Scene, name: str, sampling: Mapping[str, Any]) 
     """
     schema = read_yaml(SCHEMA)
     del schema["$defs"]["scene"]["required"]
-    settings = {"samplings": {name: _plain(sampling)}}
+    settings: dict[str, Any] = {"samplings": {name: _plain(sampling)}}
     _check_schema({"scenes": {scene.name: settings}}, schema)
     settings["particle_count"] = scene.particle_count
     return _resolved_sampling(scene.name, name, settings, scene)
