@@ -9,6 +9,7 @@ Solutions are kept at the times of the error integral, ``scene.error_times``, sh
 the number of particles.
 """
 
+import difflib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -77,9 +78,13 @@ def make_scene(name: str = "scene", **settings: Any) -> Scene:
         One sentence that names scene, key, value and what is allowed.
     """
     for key, value in settings.items():
-        if key in ("section", "references", "samplings", "acceleration", "figures"):
-            allowed = f"it is no part of the motion; allowed are {', '.join(PHYSICS_KEYS)}"
-            raise config.ConfigError(f"scene {name}: {key} = {value}: {allowed}")
+        if key not in PHYSICS_KEYS:
+            near = difflib.get_close_matches(key, PHYSICS_KEYS, n=1)
+            raise config.ConfigError(
+                f"scene {name}: {key} = {value}: unknown key"
+                f"{f', did you mean {near[0]}?' if near else ';'} "
+                f"allowed are {', '.join(PHYSICS_KEYS)}"
+            )
     resolved = config.load([], overrides={"scenes": {name: settings}})
     return Scene.from_settings(name, resolved["scenes"][name])
 
@@ -106,9 +111,22 @@ def load_scene(path: str | Path, name: str | None = None) -> Scene:
 
 
 def load_samplings(path: str | Path, name: str | None = None) -> dict[str, dict[str, Any]]:
-    """The samplings of a scene of a configuration file: arguments of `take_snapshots` by name.
+    """The samplings of a scene of a configuration file.
 
-    Parameters, errors raised: those of `load_scene`.
+    Parameters
+    ----------
+    path, name
+        As in `load_scene`.
+
+    Returns
+    -------
+    dict
+        Keywords of `take_snapshots`, by name of the sampling.
+
+    Raises
+    ------
+    ConfigError
+        As `load_scene`.
     """
     return {
         sampling: {key: value for key, value in keys.items() if key != "mode_counts"}
@@ -270,7 +288,9 @@ def decompose(snapshots: Data) -> "xarray.Dataset":
     ValueError
         There is no snapshot, a value is not finite, or a density not positive.
     """
-    return _labelled(None, pod.decompose(_arrays(None, "snapshots", snapshots, "velocity_snapshots")))
+    return _labelled(
+        None, pod.decompose(_arrays(None, "snapshots", snapshots, "velocity_snapshots"))
+    )
 
 
 def decompose_lifted(scene: Scene, snapshots: Data) -> "xarray.Dataset":

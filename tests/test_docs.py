@@ -3,6 +3,7 @@
 import dataclasses
 import pydoc
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -25,6 +26,7 @@ DOCUMENTS = {
     for path in (
         ROOT / "README.md",
         ROOT / "CHANGELOG.md",
+        ROOT / "CONTRIBUTING.md",
         ROOT / "figures" / "README.md",
         *sorted((ROOT / "docs").glob("*.md")),
     )
@@ -258,6 +260,21 @@ def test_targets_are_known_to_the_workflow(example):
             text=True,
         )
         assert run.returncode == 0, run.stdout
+
+
+@pytest.mark.parametrize("document", ["README.md", "docs/quickstart.md"])
+def test_quick_start_prints_what_it_says(document, tmp_path, monkeypatch, capsys):
+    """Its blocks are one program, which runs without the workflow; comments are what it prints."""
+    program = "".join(b for b in blocks(DOCUMENTS[document], "python") if "xarray as" not in b)
+    (tmp_path / "program.py").write_text(program)
+    (tmp_path / "config").symlink_to(ROOT / "config")
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path("program.py")
+    said = re.findall(r"^(?:print.*  )?# (.*)$", program, re.M)
+    assert said
+    assert capsys.readouterr().out.splitlines() == said
+    for drawn in re.findall(r'savefig\("(.*?)"\)', program):
+        assert Path(drawn).stat().st_size > 5000, drawn
 
 
 def test_make_targets_exist():
