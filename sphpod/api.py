@@ -79,7 +79,7 @@ def make_scene(name: str = "scene", **settings: Any) -> Scene:
     """
     for key, value in settings.items():
         if key not in PHYSICS_KEYS:
-            near = difflib.get_close_matches(key, PHYSICS_KEYS, n=1)
+            near = difflib.get_close_matches(key, PHYSICS_KEYS, n=1, cutoff=0.8)
             raise config.ConfigError(
                 f"scene {name}: {key} = {value}: unknown key"
                 f"{f', did you mean {near[0]}?' if near else ';'} "
@@ -288,9 +288,8 @@ def decompose(snapshots: Data) -> "xarray.Dataset":
     ValueError
         There is no snapshot, a value is not finite, or a density not positive.
     """
-    return _labelled(
-        None, pod.decompose(_arrays(None, "snapshots", snapshots, "velocity_snapshots"))
-    )
+    given = _arrays(None, "snapshots", snapshots, "velocity_snapshots", "density_snapshots")
+    return _labelled(None, pod.decompose(given))
 
 
 def decompose_lifted(scene: Scene, snapshots: Data) -> "xarray.Dataset":
