@@ -1,6 +1,5 @@
 """The public functions, for a notebook or a script of one's own.
 
-Scenes are given by keywords or by a configuration file, and checked as the workflow checks them.
 Results are an `xarray.Dataset` with names, units and meanings as in the files of the workflow
 (docs/notation.md); ``dataset["velocity"].values`` is the array. What is asked for as a dataset may
 be any mapping of arrays by these names.
@@ -9,9 +8,7 @@ Solutions are kept at the times of the error integral, ``scene.error_times``, sh
 the number of particles.
 """
 
-import difflib
 from collections.abc import Iterable, Mapping
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -33,15 +30,12 @@ from sphpod import (
     sph,
     stability,
 )
-from sphpod.dataset import VARIABLES
-from sphpod.scene import PHYSICS_KEYS, Scene
+from sphpod.labelled import Data, arrays_of, labelled
+from sphpod.scene import Scene
 
 if TYPE_CHECKING:
     import xarray
     from matplotlib.figure import Figure
-
-Data = Mapping[Any, Any]
-"""An `xarray.Dataset`, or arrays by the same names."""
 
 REFERENCES = {
     "fd": reference.solve_paper,
@@ -52,102 +46,7 @@ REFERENCES = {
 """How each kind of reference is solved."""
 
 
-# --- Scenes ---------------------------------------------------------------------------------------
-
-
-def make_scene(name: str = "scene", **settings: Any) -> Scene:
-    """A scene (section 2.1) from the keys that a configuration has for it.
-
-    Parameters
-    ----------
-    name : str
-        How messages name it: lower-case letters, digits and underscores.
-    **settings
-        domain_length [m], duration [s], initial_velocity [m/s], initial_density [kg/m³],
-        youngs_modulus [Pa], particle_count, smoothing_ratio and time_step [s]; and, where the scene
-        has them, damping [1/s], force [m/s²], interface, positions and error_interval [s]. Profiles
-        are numbers or expressions in x (a force: in t) as text; docs/adding-a-scene.md has all.
-
-    Returns
-    -------
-    Scene
-
-    Raises
-    ------
-    ConfigError
-        One sentence that names scene, key, value and what is allowed.
-    """
-    for key, value in settings.items():
-        if key not in PHYSICS_KEYS:
-            near = difflib.get_close_matches(key, PHYSICS_KEYS, n=1, cutoff=0.8)
-            raise config.ConfigError(
-                f"scene {name}: {key} = {value}: unknown key"
-                f"{f', did you mean {near[0]}?' if near else ';'} "
-                f"allowed are {', '.join(PHYSICS_KEYS)}"
-            )
-    resolved = config.load([], overrides={"scenes": {name: settings}})
-    return Scene.from_settings(name, resolved["scenes"][name])
-
-
-def load_scene(path: str | Path, name: str | None = None) -> Scene:
-    """A scene of a configuration file, such as ``config/config.yaml``.
-
-    Parameters
-    ----------
-    path : str or Path
-    name : str, optional
-        Which scene; not needed where the file has one.
-
-    Returns
-    -------
-    Scene
-
-    Raises
-    ------
-    ConfigError
-        The file cannot be read, says something that is not allowed, or has no such scene.
-    """
-    return Scene.from_settings(*_block(path, name))
-
-
-def load_samplings(path: str | Path, name: str | None = None) -> dict[str, dict[str, Any]]:
-    """The samplings of a scene of a configuration file.
-
-    Parameters
-    ----------
-    path, name
-        As in `load_scene`.
-
-    Returns
-    -------
-    dict
-        Keywords of `take_snapshots`, by name of the sampling.
-
-    Raises
-    ------
-    ConfigError
-        As `load_scene`.
-    """
-    return {
-        sampling: {key: value for key, value in keys.items() if key != "mode_counts"}
-        for sampling, keys in _block(path, name)[1]["samplings"].items()
-    }
-
-
-def _block(path, name):
-    """Name and resolved settings of a scene of a file."""
-    scenes = config.load([path])["scenes"]
-    if name is None and len(scenes) == 1:
-        (name,) = scenes
-    if name not in scenes:
-        what = "name = None: one of several must be named" if name is None else "no such scene"
-        raise config.ConfigError(
-            f"{path}: {f'scene {name}: ' if name else ''}{what}; allowed are {', '.join(scenes)}"
-        )
-    return name, scenes[name]
-
-
-# --- Full solutions -------------------------------------------------------------------------------
+# --- Full solutions --------------------------------------------------------------------------------
 
 
 def solve_sph(scene: Scene) -> "xarray.Dataset":
@@ -170,7 +69,7 @@ def solve_sph(scene: Scene) -> "xarray.Dataset":
         The solution became non-finite or its density stopped being positive.
     """
     predicted = stability.predict(scene) | resolution.predict(scene)
-    return _labelled(scene, sph.solve(scene, scene.error_steps), predicted)
+    return labelled(scene, sph.solve(scene, scene.error_steps), predicted)
 
 
 def solve_lifted(
@@ -203,7 +102,7 @@ def solve_lifted(
         The solution became non-finite or its Jacobian 1 + e stopped being positive.
     """
     solution = lifted.solve(scene, integrator, time_step, tolerance)
-    return _labelled(scene, solution | {"density": lifted.density(scene, solution["strain"])})
+    return labelled(scene, solution | {"density": lifted.density(scene, solution["strain"])})
 
 
 def solve_reference(scene: Scene, kind: str) -> "xarray.Dataset":
@@ -232,10 +131,10 @@ def solve_reference(scene: Scene, kind: str) -> "xarray.Dataset":
     if kind not in REFERENCES:
         allowed = ", ".join(REFERENCES)
         raise ValueError(f"scene {scene.name}: reference = {kind}: allowed are {allowed}")
-    return _labelled(scene, REFERENCES[kind](scene))
+    return labelled(scene, REFERENCES[kind](scene))
 
 
-# --- Reduced models -------------------------------------------------------------------------------
+# --- Reduced models --------------------------------------------------------------------------------
 
 
 def take_snapshots(scene: Scene, **sampling: Any) -> "xarray.Dataset":
@@ -265,7 +164,7 @@ def take_snapshots(scene: Scene, **sampling: Any) -> "xarray.Dataset":
     checked = config.check_sampling(scene, "snapshots", sampling)
     steps = np.unique(np.concatenate([[0], *snapshots.sampling_steps(scene, checked)]))
     taken = snapshots.extract(scene, checked, sph.solve(scene, steps))
-    return _labelled(scene, taken | rounding.twins(scene, checked))
+    return labelled(scene, taken | rounding.twins(scene, checked))
 
 
 def decompose(snapshots: Data) -> "xarray.Dataset":
@@ -288,8 +187,8 @@ def decompose(snapshots: Data) -> "xarray.Dataset":
     ValueError
         There is no snapshot, a value is not finite, or a density not positive.
     """
-    given = _arrays(None, "snapshots", snapshots, "velocity_snapshots", "density_snapshots")
-    return _labelled(None, pod.decompose(given))
+    given = arrays_of(None, "snapshots", snapshots, "velocity_snapshots", "density_snapshots")
+    return labelled(None, pod.decompose(given))
 
 
 def decompose_lifted(scene: Scene, snapshots: Data) -> "xarray.Dataset":
@@ -313,8 +212,8 @@ def decompose_lifted(scene: Scene, snapshots: Data) -> "xarray.Dataset":
     ValueError
         As `decompose`; or nothing moves in the snapshots of a scene that moves.
     """
-    given = _arrays(scene, "snapshots", snapshots, "velocity_snapshots")
-    return _labelled(scene, lifted_rom.decompose(scene, given))
+    given = arrays_of(scene, "snapshots", snapshots, "velocity_snapshots")
+    return labelled(scene, lifted_rom.decompose(scene, given))
 
 
 def solve_reduced(scene: Scene, method: str, modes: Data, mode_count: int) -> "xarray.Dataset":
@@ -366,7 +265,7 @@ def solve_reduced(scene: Scene, method: str, modes: Data, mode_count: int) -> "x
         velocity, density = a @ model.velocity_modes, b @ model.density_modes
         arrays = {"velocity_coordinates": a, "density_coordinates": b}
     fields = {"velocity": velocity, "density": density}
-    return _labelled(
+    return labelled(
         scene, {"t": scene.error_times, "x": scene.positions} | fields | arrays, {"method": method}
     )
 
@@ -405,8 +304,8 @@ def sweep(
     """
     counts, found = _counts(scene, mode_counts), _modes(scene, method, modes)
     seen = ("velocity", "strain") if method == "lifted_exact" else error.FIELDS
-    full = _arrays(scene, "full", full, *seen)
-    reference = _arrays(scene, "reference", reference, *error.FIELDS)
+    full = arrays_of(scene, "full", full, *seen)
+    reference = arrays_of(scene, "reference", reference, *error.FIELDS)
     if method == "lifted_exact":
         arrays = certificate.certify(scene, counts, found, full, reference)
     elif method == "lifted_euler":
@@ -414,10 +313,36 @@ def sweep(
     else:
         projected = (error.project_solution(s, found, max(counts)) for s in (full, reference))
         arrays = rom.sweep(scene, method, counts, found, *projected)
-    return _labelled(scene, arrays, {"method": method})
+    return labelled(scene, arrays, {"method": method})
 
 
-# --- Errors ---------------------------------------------------------------------------------------
+def _modes(scene, method, modes):
+    """Arrays of the modes that a method takes."""
+    if method not in lifted_rom.METHODS:
+        try:
+            rom.freeze_steps(method)
+        except ValueError as refusal:
+            raise ValueError(
+                f"scene {scene.name}: {refusal}, {', '.join(lifted_rom.METHODS)}"
+            ) from None
+    scaled = method in lifted_rom.METHODS
+    needed = ("scaled_velocity", "scaled_strain") if scaled else error.FIELDS
+    return arrays_of(scene, f"modes of {method}", modes, *(f"{name}_modes" for name in needed))
+
+
+def _counts(scene, mode_counts):
+    counts = list(mode_counts)
+    for count in counts:
+        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
+            raise ValueError(
+                f"scene {scene.name}: mode_count = {count}: it must be a whole number from 1 on"
+            )
+    if not counts:
+        raise ValueError(f"scene {scene.name}: mode_counts: at least one is needed")
+    return [int(count) for count in counts]
+
+
+# --- Errors ----------------------------------------------------------------------------------------
 
 
 def relative_error(solution: Any, reference: Any) -> float:
@@ -469,7 +394,7 @@ def compare(scene: Scene, full: Data, references: Mapping[str, Data]) -> "xarray
         A solution is of other times or particles.
     """
     solutions = {
-        name: _arrays(scene, name, data, *error.FIELDS)
+        name: arrays_of(scene, name, data, *error.FIELDS)
         for name, data in {"sph": full, **references}.items()
     }
     kinds = list(references)
@@ -477,10 +402,10 @@ def compare(scene: Scene, full: Data, references: Mapping[str, Data]) -> "xarray
     for field in error.FIELDS:
         fields = {name: solution[field] for name, solution in solutions.items()}
         arrays[f"{field}_error"] = error.compare(fields, kinds)
-    return _labelled(scene, arrays)
+    return labelled(scene, arrays)
 
 
-# --- Figures --------------------------------------------------------------------------------------
+# --- Figures ---------------------------------------------------------------------------------------
 
 
 def plot_profile(
@@ -508,7 +433,7 @@ def plot_profile(
     """
     from sphpod import plotting
 
-    arrays = _arrays(scene, "solution", solution, *error.FIELDS)
+    arrays = arrays_of(scene, "solution", solution, *error.FIELDS)
     return plotting.profile(arrays, list(fields), scene.domain_length)
 
 
@@ -529,7 +454,7 @@ def plot_modes(scene: Scene, modes: Data, count: int = 12) -> "Figure":
     """
     from sphpod import plotting
 
-    arrays = _arrays(scene, "modes", modes, "velocity_modes", "density_modes")
+    arrays = arrays_of(scene, "modes", modes, "velocity_modes", "density_modes")
     return plotting.modes(arrays, count, scene.domain_length)
 
 
@@ -551,78 +476,8 @@ def plot_errors(modes: Data, sweep: Data, errors: Data, reference: str) -> "Figu
     from sphpod import plotting
 
     return plotting.error(
-        _arrays(None, "modes", modes, "velocity_singular_values", "density_singular_values"),
-        _arrays(None, "sweep", sweep, "velocity_error_sph", "velocity_error_reference"),
-        _arrays(None, "errors", errors, "velocity_error", "density_error"),
+        arrays_of(None, "modes", modes, "velocity_singular_values", "density_singular_values"),
+        arrays_of(None, "sweep", sweep, "velocity_error_sph", "velocity_error_reference"),
+        arrays_of(None, "errors", errors, "velocity_error", "density_error"),
         reference,
     )
-
-
-# --- Data -----------------------------------------------------------------------------------------
-
-
-def _labelled(scene, arrays, attributes=None):
-    """Arrays as a dataset, with dimensions, units and meanings of `VARIABLES`."""
-    import xarray
-
-    labelled = {}
-    for name, values in arrays.items():
-        meaning = VARIABLES[name]
-        texts = {"units": meaning.units, "long_name": meaning.long_name}
-        if meaning.dtype is not str:
-            values = np.asarray(values, meaning.dtype)
-        labelled[name] = meaning.dims, values, {key: text for key, text in texts.items() if text}
-    found = xarray.Dataset(
-        labelled, attrs=({"scene": scene.name} if scene else {}) | (attributes or {})
-    )
-    times = {VARIABLES[name].coordinates for name in arrays} & set(arrays)
-    return found.set_coords(sorted(times))
-
-
-def _arrays(scene, what, data, *needed):
-    """Arrays of a dataset by name, of the times and particles of the scene where there is one."""
-    variables = getattr(data, "variables", data)
-    if missing := [name for name in needed if name not in variables]:
-        raise ValueError(
-            f"{f'scene {scene.name}: ' if scene else ''}{what} holds {', '.join(variables)}, "
-            f"but not {missing[0]}"
-        )
-    arrays = {name: np.asarray(values) for name, values in variables.items()}
-    if scene is None:
-        return arrays
-    for name, key, expected in (
-        ("x", "particle_count", scene.positions),
-        ("t", "error_interval", scene.error_times),
-    ):
-        if name in arrays and not np.array_equal(arrays[name], expected):
-            raise ValueError(
-                f"scene {scene.name}: {what}: its {arrays[name].size} values of {name} are not the "
-                f"{expected.size} of the scene (see {key})"
-            )
-    return arrays
-
-
-def _modes(scene, method, modes):
-    """Arrays of the modes that a method takes."""
-    if method not in lifted_rom.METHODS:
-        try:
-            rom.freeze_steps(method)
-        except ValueError as refusal:
-            raise ValueError(
-                f"scene {scene.name}: {refusal}, {', '.join(lifted_rom.METHODS)}"
-            ) from None
-    scaled = method in lifted_rom.METHODS
-    needed = ("scaled_velocity", "scaled_strain") if scaled else error.FIELDS
-    return _arrays(scene, f"modes of {method}", modes, *(f"{name}_modes" for name in needed))
-
-
-def _counts(scene, mode_counts):
-    counts = list(mode_counts)
-    for count in counts:
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or count < 1:
-            raise ValueError(
-                f"scene {scene.name}: mode_count = {count}: it must be a whole number from 1 on"
-            )
-    if not counts:
-        raise ValueError(f"scene {scene.name}: mode_counts: at least one is needed")
-    return [int(count) for count in counts]
