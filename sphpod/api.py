@@ -46,7 +46,7 @@ REFERENCES = {
 """How each kind of reference is solved."""
 
 
-# --- Full solutions --------------------------------------------------------------------------------
+# --- Full solutions -------------------------------------------------------------------------------
 
 
 def solve_sph(scene: Scene) -> "xarray.Dataset":
@@ -134,7 +134,7 @@ def solve_reference(scene: Scene, kind: str) -> "xarray.Dataset":
     return labelled(scene, REFERENCES[kind](scene))
 
 
-# --- Reduced models --------------------------------------------------------------------------------
+# --- Reduced models -------------------------------------------------------------------------------
 
 
 def take_snapshots(scene: Scene, **sampling: Any) -> "xarray.Dataset":
@@ -342,7 +342,7 @@ def _counts(scene, mode_counts):
     return [int(count) for count in counts]
 
 
-# --- Errors ----------------------------------------------------------------------------------------
+# --- Errors ---------------------------------------------------------------------------------------
 
 
 def relative_error(solution: Any, reference: Any) -> float:
@@ -405,7 +405,7 @@ def compare(scene: Scene, full: Data, references: Mapping[str, Data]) -> "xarray
     return labelled(scene, arrays)
 
 
-# --- Figures ---------------------------------------------------------------------------------------
+# --- Figures --------------------------------------------------------------------------------------
 
 
 def plot_profile(
