@@ -1,9 +1,10 @@
 # The Python (3.11 or newer) that the environment is made with: make PYTHON=python3.12 figures
 PYTHON ?= python3
 BIN := .venv/bin
+LINT := .venv-lint/bin
 PEERS := .venv-peers/bin
 
-.PHONY: figures peers test lint format clean
+.PHONY: figures peers test lint format pins clean
 
 # Every figure, error and claim of the paper
 figures: .venv/ready
@@ -16,16 +17,25 @@ peers: .venv-peers/ready
 test: .venv/ready
 	$(BIN)/python -m pytest
 
-lint: .venv/ready
-	$(BIN)/ruff check .
-	$(BIN)/ruff format --check .
-	$(BIN)/snakefmt --check Snakefile workflow
+lint: .venv/ready .venv-lint/ready
+	$(LINT)/ruff check .
+	$(LINT)/ruff format --check .
+	$(LINT)/snakefmt --check Snakefile workflow
+	$(LINT)/codespell
 	$(BIN)/mypy
 
-format: .venv/ready
-	$(BIN)/ruff check --fix .
-	$(BIN)/ruff format .
-	$(BIN)/snakefmt Snakefile workflow
+format: .venv-lint/ready
+	$(LINT)/ruff check --fix .
+	$(LINT)/ruff format .
+	$(LINT)/snakefmt Snakefile workflow
+
+# The pinned packages of both environments, compiled from pyproject.toml by uv (pip install uv);
+# what is pinned stays: make pins UPGRADE=--upgrade takes the newest
+UPGRADE ?=
+COMPILE = uv pip compile --python-version 3.11 --annotation-style line --quiet $(UPGRADE) --custom-compile-command "make pins"
+pins:
+	echo "--editable .[tests]" | $(COMPILE) - --output-file environment.txt
+	$(COMPILE) --group lint --output-file environment-lint.txt
 
 # Everything that the pipeline made; the environment stays
 clean:
@@ -39,6 +49,14 @@ CHECK_PYTHON = $(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is neede
 	rm -rf .venv
 	$(PYTHON) -m venv .venv
 	$(BIN)/pip install --quiet --disable-pip-version-check --requirement environment.txt
+	touch $@
+
+# That of the checkers of text
+.venv-lint/ready: environment-lint.txt
+	@$(CHECK_PYTHON)
+	rm -rf .venv-lint
+	$(PYTHON) -m venv .venv-lint
+	$(LINT)/pip install --quiet --disable-pip-version-check --requirement environment-lint.txt
 	touch $@
 
 # That of the other tools; PySPH needs a compiler, and is left out where it cannot be built

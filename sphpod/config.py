@@ -8,6 +8,7 @@ expressions, and of what a scene's numbers mean together (`sphpod.scene.check`).
 import difflib
 import math
 import re
+import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -24,6 +25,9 @@ try:
     from yaml import CSafeLoader as SafeLoader  # ten times as fast
 except ImportError:
     from yaml import SafeLoader  # type: ignore[assignment]
+
+SCHEMA = Path(__file__).with_suffix(".schema.yaml")
+"""The JSON schema of a configuration, as YAML."""
 
 DEFAULT_ERROR_SAMPLES = 10000
 DEFAULT_LARGEST_SWEEP = 20
@@ -76,7 +80,7 @@ class ConfigError(ValueError):
 
 def load(
     paths: Sequence[Path | str],
-    schema_path: Path | str,
+    schema_path: Path | str = SCHEMA,
     overrides: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Read and check a configuration, and fill in its defaults.
@@ -169,6 +173,27 @@ def check_modes(
     _check_modes(scene, sampling, settings, "modes", modes, int(split))
 
 
+def check_sampling(scene: scenes.Scene, name: str, sampling: Mapping[str, Any]) -> dict[str, Any]:
+    """Check a sampling of a scene that is at hand, as `load` checks those of a configuration.
+
+    Returns
+    -------
+    dict
+        The sampling in plain JSON types, with ``mode_counts`` as text.
+
+    Raises
+    ------
+    ConfigError
+        The sampling says something that is not allowed.
+    """
+    schema = read_yaml(SCHEMA)
+    del schema["$defs"]["scene"]["required"]
+    settings: dict[str, Any] = {"samplings": {name: _plain(sampling)}}
+    _check_schema({"scenes": {scene.name: settings}}, schema)
+    settings["particle_count"] = scene.particle_count
+    return _resolved_sampling(scene.name, name, settings, scene)
+
+
 def mode_limit(scene: Mapping[str, Any], sampling: str) -> int:
     """The most modes that a sampling gives: the size of the larger of its two snapshot sets, but
     no more than there are particles."""
@@ -197,7 +222,10 @@ def _shown(value: Any) -> str:
     if isinstance(value, str):
         text = " ".join(value.split())
     else:
-        text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, sort_keys=False)
+        try:
+            text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, sort_keys=False)
+        except yaml.YAMLError:  # a value that Python has and YAML has not
+            text = repr(value)
         text = text.removesuffix("\n").removesuffix("\n...").strip()
     return text if len(text) <= 100 else text[:97] + "..."
 
@@ -286,8 +314,10 @@ def _plain(value: Any) -> Any:
     """A copy that shares nothing, with whole numbers as int however they were written."""
     if isinstance(value, Mapping):
         return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
+    if isinstance(value, list | tuple | range):
         return [_plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return _plain(value.tolist())
     if isinstance(value, float) and value.is_integer() and abs(value) < 2**53:
         return int(value)
     return value
@@ -310,13 +340,25 @@ TYPES = {
 }
 
 
+def _is_number(_: Any, value: Any) -> bool:
+    """Whether a value is a number in double precision; no NaN is."""
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return is_number and abs(value) <= sys.float_info.max
+
+
+_Validator = jsonschema.validators.extend(
+    jsonschema.Draft202012Validator,
+    type_checker=jsonschema.Draft202012Validator.TYPE_CHECKER.redefine("number", _is_number),
+)
+
+
 def _check_schema(settings: dict[str, Any], schema: dict[str, Any]) -> None:
     def weight(error: jsonschema.ValidationError) -> tuple[int, list[str]]:
         # A misspelt key is also a missing one: speak of the misspelling.
         rank = {"additionalProperties": 0, "propertyNames": 0, "required": 2, "oneOf": 3}
         return rank.get(str(error.validator), 1), [str(part) for part in error.absolute_path]
 
-    errors = sorted(jsonschema.Draft202012Validator(schema).iter_errors(settings), key=weight)
+    errors = sorted(_Validator(schema).iter_errors(settings), key=weight)
     if errors:
         raise _schema_refusal(errors[0])
 

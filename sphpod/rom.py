@@ -315,7 +315,7 @@ def sweep(
         for field in FIELDS
     }
     breakdown_time = np.full(len(counts), np.nan)
-    models = [_model(scene, method, modes, count) for count in counts]
+    models = [model(scene, method, modes, count) for count in counts]
     for n, (velocity, density, breakdown) in enumerate(solve_each(models, steps)):
         if breakdown is not None:
             if len(counts) == 1:
@@ -408,7 +408,7 @@ def accelerate(
     errors = {field: np.full((len(contenders), len(counts)), np.inf) for field in FIELDS}
     for row, method in enumerate(contenders):
         for column, count in enumerate(counts):
-            *reduced, breakdown = _model(scene, method, modes, count).solve(scene.error_steps)
+            *reduced, breakdown = model(scene, method, modes, count).solve(scene.error_steps)
             if breakdown is None:
                 for field, coordinates in zip(FIELDS, reduced, strict=True):
                     errors[field][row, column] = sph[field].relative_error(coordinates)
@@ -439,7 +439,7 @@ def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np
     return velocity & density
 
 
-def _model(scene, method, modes, count):
+def model(scene: Scene, method: str, modes: Mapping[str, np.ndarray], count: int) -> ReducedModel:
     """Model with so many modes for velocity and density each, or all, as the log tells."""
     velocity_modes, density_modes = (modes[f"{field}_modes"] for field in FIELDS)
     if min(len(velocity_modes), len(density_modes)) < count:

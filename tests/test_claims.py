@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sphpod import claims, config, criteria
 
 ROOT = Path(__file__).parents[1]
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+SCHEMA = ROOT / "sphpod" / "config.schema.yaml"
 
 PAPER = config.load([ROOT / "config" / "config.yaml"], SCHEMA)
 SMALL = config.load([ROOT / "config" / "small.yaml"], SCHEMA)

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sphpod import config
 
 ROOT = Path(__file__).parents[1]
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+SCHEMA = ROOT / "sphpod" / "config.schema.yaml"
 
 WAVE: dict[str, Any] = {
     "domain_length": 1,

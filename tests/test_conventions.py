@@ -23,7 +23,7 @@ from sphpod import (
 from sphpod.scene import Scene
 
 ROOT = Path(__file__).parents[1]
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+SCHEMA = ROOT / "sphpod" / "config.schema.yaml"
 PAPER = config.load([ROOT / "config" / "config.yaml"], SCHEMA)
 SMALL = config.load([ROOT / "config" / "small.yaml"], SCHEMA)
 

@@ -3,6 +3,7 @@
 import dataclasses
 import pydoc
 import re
+import runpy
 import shlex
 import subprocess
 import sys
@@ -19,12 +20,13 @@ from sphpod.dataset import VARIABLES
 from sphpod.scene import Scene
 
 ROOT = Path(__file__).parents[1]
-SCHEMA = ROOT / "workflow" / "schemas" / "config.schema.yaml"
+SCHEMA = ROOT / "sphpod" / "config.schema.yaml"
 DOCUMENTS = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
     for path in (
         ROOT / "README.md",
         ROOT / "CHANGELOG.md",
+        ROOT / "CONTRIBUTING.md",
         ROOT / "figures" / "README.md",
         *sorted((ROOT / "docs").glob("*.md")),
     )
@@ -236,6 +238,7 @@ def test_commands_are_understood():
             assert str(path) == EXAMPLE or (ROOT / path).is_file(), words
 
 
+@pytest.mark.workflow
 def test_targets_are_known_to_the_workflow(example):
     """A dry run for each configuration that the documents build single targets of."""
     parser = get_argument_parser()
@@ -257,6 +260,21 @@ def test_targets_are_known_to_the_workflow(example):
             text=True,
         )
         assert run.returncode == 0, run.stdout
+
+
+@pytest.mark.parametrize("document", ["README.md", "docs/quickstart.md"])
+def test_quick_start_prints_what_it_says(document, tmp_path, monkeypatch, capsys):
+    """Its blocks are one program, which runs without the workflow; comments are what it prints."""
+    program = "".join(b for b in blocks(DOCUMENTS[document], "python") if "xarray as" not in b)
+    (tmp_path / "program.py").write_text(program)
+    (tmp_path / "config").symlink_to(ROOT / "config")
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path("program.py")
+    said = re.findall(r"^(?:print.*  )?# (.*)$", program, re.M)
+    assert said
+    assert capsys.readouterr().out.splitlines() == said
+    for drawn in re.findall(r'savefig\("(.*?)"\)', program):
+        assert Path(drawn).stat().st_size > 5000, drawn
 
 
 def test_make_targets_exist():

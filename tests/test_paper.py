@@ -10,9 +10,7 @@ from sphpod import config, error, exact, pod, reference, rom, snapshots, sph
 from sphpod.scene import Scene
 
 ROOT = Path(__file__).parents[1]
-PAPER = config.load(
-    [ROOT / "config" / "config.yaml"], ROOT / "workflow" / "schemas" / "config.schema.yaml"
-)
+PAPER = config.load([ROOT / "config" / "config.yaml"], ROOT / "sphpod" / "config.schema.yaml")
 SOLVERS = {
     "fd": reference.solve_paper,
     "exact": exact.solve,

@@ -19,7 +19,7 @@ PROGRAM = """if True:
     from sphpod import config, error, lifted_rom, pod, rom, rounding, snapshots, sph
     from sphpod.scene import Scene
 
-    small = config.load(["config/small.yaml"], "workflow/schemas/config.schema.yaml")
+    small = config.load(["config/small.yaml"], "sphpod/config.schema.yaml")
     settings = small["scenes"]["waves"]
     scene = Scene.from_settings("waves", settings)
     # Late snapshots, and early ones, whose modes are weak.

@@ -20,6 +20,8 @@ from sphpod import dataset
 from sphpod.scene import Scene
 
 ROOT = Path(__file__).parents[1]
+pytestmark = pytest.mark.workflow
+
 SOURCES = ("Snakefile", "config", "profiles", "sphpod", "workflow")
 # The rules whose results are measured times, and what is computed from those.
 TIMED = re.compile(

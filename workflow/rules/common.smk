@@ -28,8 +28,7 @@ try:
     # A configuration that is asked for replaces the paper's; `configfile:` would merge the two.
     CONFIG = load(
         workflow.overwrite_configfiles or [ROOT / "config/config.yaml"],
-        ROOT / "workflow/schemas/config.schema.yaml",
-        workflow.config_settings.config,
+        overrides=workflow.config_settings.config,
     )
     CLAIMS = claims.resolve(CONFIG)
 except ConfigError as error:
