@@ -644,12 +644,12 @@ def _check_benchmark(config: dict[str, Any]) -> None:
 def _resolved_stability(settings: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
     """Check what is asked of stability; studies are of the first sampled scene if none is named."""
     first = {name: next(iter(s["samplings"])) for name, s in known.items() if s["samplings"]}
-    struck = {n: s for n, s in first.items() if _strains(_physics(n, known))}
+    moving = {n: s for n, s in first.items() if _strains(_physics(n, known))}
     usual = dict(list(first.items())[:1])
     stability: dict[str, Any] = {
         **DEFAULT_STABILITY,
         **dict.fromkeys(STABILITY_STUDIES, usual),
-        "amplitude": dict(list(struck.items())[:1]),
+        "amplitude": dict(list(moving.items())[:1]),
         **settings,
     }
     for study in STABILITY_STUDIES:

@@ -1,4 +1,4 @@
-"""What is computed must not hang on the machine: on its BLAS threads or its processor cores.
+"""What is computed must not depend on the machine: on its BLAS threads or its processor cores.
 
 The same computation runs in processes of their own, which start with other numbers of threads and
 on other cores, as both are settled when numpy is loaded. Full models are compiled, and sum in one

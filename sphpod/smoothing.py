@@ -3,7 +3,7 @@
 The SPH derivative of a smooth function is β f' + κ f''' Δx² + …, with β and κ of α alone. So a wave
 of wavenumber q travels at β - κ (q Δx)² times its speed, and a β other than 1 is an error that more
 particles do not lessen. κ is positive; β is above 1 for 1 < α < √6 - 1, where both errors are of
-opposite sign: those waves travel right for which β - 1 = κ (q Δx)². The best α therefore hangs on
+opposite sign: those waves travel right for which β - 1 = κ (q Δx)². The best α therefore depends on
 how finely a scene is resolved, and nears one with β = 1 as particles grow many.
 """
 

@@ -21,9 +21,9 @@ SETTINGS = {
 each = pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
 
 
-def struck(speed, changes):
-    """A scene that folds if it is struck hard enough."""
-    return scene("struck", **changes | {"initial_velocity": f"{speed}*sin(2*pi*x/L)"})
+def excited(speed, changes):
+    """A scene that folds if it is excited hard enough."""
+    return scene("excited", **changes | {"initial_velocity": f"{speed}*sin(2*pi*x/L)"})
 
 
 def first_broken(velocity, jacobian):
@@ -45,7 +45,7 @@ def in_rows(found, case, stride):
 @given(speed=st.floats(0.05, 3), stride=st.sampled_from([1, 10, 100, 1000]))
 def test_full_sph_is_watched_as_by_brute_force(neighbours, changes, speed, stride):
     """Whatever is kept, every step counts."""
-    case = struck(speed, changes)
+    case = excited(speed, changes)
     if neighbours == "stencil" and not case.is_even:
         return
     steps = np.arange(case.step_count + 1)
@@ -63,7 +63,7 @@ def test_full_sph_is_watched_as_by_brute_force(neighbours, changes, speed, strid
 
 def test_full_sph_does_not_fold_between_outputs():
     """Of one run, kept at every step, at a few and at the ends alone."""
-    case = scene("struck", duration=3, initial_velocity="0.35*sin(2*pi*x/L)", time_step=2e-3)
+    case = scene("excited", duration=3, initial_velocity="0.35*sin(2*pi*x/L)", time_step=2e-3)
     times = []
     for stride in (1, 5, case.step_count):
         with pytest.raises(Breakdown) as caught:
@@ -80,7 +80,7 @@ def test_full_sph_does_not_fold_between_outputs():
 def test_the_lifted_full_model_is_watched_as_by_brute_force(integrator, changes, speed, stride):
     """Whatever is kept, every step counts, or those that resolve the waves."""
     step = 1e-3 if integrator in lifted.FIXED_STEP else 1e-2
-    case = replace(struck(speed, changes), time_step=step, error_interval=step)
+    case = replace(excited(speed, changes), time_step=step, error_interval=step)
     every = np.full((2, case.error_times.size, case.particle_count), np.nan)
     assert lifted.prepare(case, integrator)(*every, watch=False) == -1
     expected = in_rows(first_broken(every[0], 1 + every[1]), case, stride)
@@ -104,13 +104,13 @@ def test_the_lifted_full_model_does_not_fold_between_outputs(integrator, changes
     """Waves that are back where they began at the end fold on the way."""
     interval = 3.2
     case = scene(
-        "struck", duration=interval, error_interval=interval, time_step=interval / 3200,
+        "excited", duration=interval, error_interval=interval, time_step=interval / 3200,
         youngs_modulus=0.09765625, initial_velocity="0.45*sin(2*pi*x/L)", **changes,
     )  # fmt: skip
     kept = np.empty((2, 2, case.particle_count))
     lifted.prepare(case, integrator)(*kept, watch=False)
     assert kept[1].min() > -1
-    with pytest.raises(Breakdown, match=r"scene struck: the lifted full model"):
+    with pytest.raises(Breakdown, match=r"scene excited: the lifted full model"):
         lifted.solve(case, integrator)
     small = replace(case, initial_velocity=scene(initial_velocity=1e-3).initial_velocity)
     lifted.solve(small, integrator)
@@ -126,7 +126,7 @@ def test_the_lifted_full_model_does_not_fold_between_outputs(integrator, changes
 )
 def test_no_strain_exceeds_its_bound(integrator, changes, speed, damping, step):
     """With any damping and force; where the bound is below one, nothing need be watched."""
-    case = struck(speed, changes | ({} if damping is None else {"damping": damping}))
+    case = excited(speed, changes | ({} if damping is None else {"damping": damping}))
     case = replace(case, time_step=step, error_interval=2 * step)
     rng = np.random.default_rng(0)
     start = case.velocity0(), 0.1 * speed * rng.standard_normal(case.particle_count)
@@ -153,7 +153,7 @@ def test_the_bound_is_of_use():
 def test_both_fates_are_met():
     """Of the speeds above, the smallest leave the line whole, the largest fold it."""
     for speed, folds in ((0.05, False), (3, True)):
-        case = struck(speed, {})
+        case = excited(speed, {})
         kept = np.empty((2, case.error_times.size, case.particle_count))
         assert (lifted.prepare(case, "exact")(*kept) >= 0) is folds
         assert (sph.prepare(case, case.error_steps)(*kept) >= 0) is folds
@@ -163,7 +163,7 @@ def test_both_fates_are_met():
 def test_reduced_models_do_not_fold_between_outputs(method):
     """Kept at the ends alone, where the waves are back where they began, as kept at every step."""
     often = scene(
-        "struck", duration=3.2, error_interval=0.02, time_step=1e-3, youngs_modulus=0.09765625,
+        "excited", duration=3.2, error_interval=0.02, time_step=1e-3, youngs_modulus=0.09765625,
         initial_velocity="0.25*sin(2*pi*x/L)",
     )  # fmt: skip
     run = sph.solve(often, often.error_steps)

@@ -96,7 +96,7 @@ STABILITY_FIGURES = [
         ),
         (
             "growth",
-            "Growth of the energy under explicit Euler, foretold and measured; energies kept.",
+            "Growth of the energy under explicit Euler, predicted and measured; energies kept.",
             any(Scene.from_settings(name, scene).is_conservative for name, scene in SCENES.items()),
         ),
         (

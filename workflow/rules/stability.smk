@@ -1,4 +1,4 @@
-"""Stability is foretold by theory, measured, and put to the test by trying to break it."""
+"""Stability is predicted by theory, measured, and put to the test by trying to break it."""
 
 
 rule time_steps:

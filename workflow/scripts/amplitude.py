@@ -1,4 +1,4 @@
-"""Strike a scene harder and harder, until it folds, with all models."""
+"""Scale the initial velocity up until the scene folds, with all models."""
 
 from sphpod import amplitude, dataset, job
 from sphpod.scene import Scene

@@ -1,4 +1,4 @@
-"""Foretell how much the energy grows over long times, and measure it."""
+"""Predict how much the energy grows over long times, and measure it."""
 
 from sphpod import dataset, growth, job
 from sphpod.scene import Scene

@@ -1,4 +1,4 @@
-"""Foretell the largest stable time steps of reduced models, and measure them."""
+"""Predict the largest stable time steps of reduced models, and measure them."""
 
 from sphpod import dataset, job, limits
 from sphpod.scene import Scene
