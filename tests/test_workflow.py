@@ -423,7 +423,7 @@ def test_only_measurements_whose_code_changed_are_made_anew(benchmarked):
         assert planned(benchmarked, "--", "benchmarks") == {"benchmark_figure"}
         assert planned(benchmarked) == set()
     with (
-        edited(package / "certificate.py", "\nCRITICAL = ", "\nCRITICAL = 2 * "),
+        edited(package / "error_bound.py", "\nEXCESS = ", "\nEXCESS = 2 * "),
         edited(package / "skipping.py", "\nMODES = ", "\nMODES = 2 * "),
     ):
         rules = planned(benchmarked, "--", "benchmarks")
