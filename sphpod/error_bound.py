@@ -32,17 +32,21 @@ the length of a difference of coordinates. Where that is not sharp, the richer m
 turn.
 
 **Integrals.** Times are a grid of the bound's own, as fine as the motion needs, whatever the
-outputs are. With y the values at the ends of a step δ, and within it
+outputs are. Within a step δ be
 
-- p̄ the force p if it is one polynomial there, and else its value at the beginning,
-- r̄ what r would be from there on with p̄, and |r̄''| at most β,
-- |r - r̄| at most κ = |p - p̄| (|g| + δ Σ |G| |h|), over blocks, for r = G z + g p,
+- p̄ the force p if it is one polynomial there, and else its value at the beginning or at the end,
+  whichever is nearer to p in the mean,
+- I = ∫|p - p̄| over the step, and J² = ∫|p - p̄|²,
+- r̄ what r would be from its beginning on with p̄, and |r̄''| at most β,
+- κ = Σ |G| |h| I over blocks, for r = G z + g p: as no block grows, |r - r̄| ≤ κ + |g| |p - p̄|,
 
-r̄ is at most what lies linearly between its ends' norms, as a norm is convex, + β s(δ - s)/2, and r
-that + 2κ: κ itself, and as r̄ is off by κ at the end. Hence, and by Minkowski,
+and y the norms of r at its ends, of z as it is but of p̄. Then r̄ is at most what lies linearly
+between y₀ and y₁ + κ, as a norm is convex, + β s(δ - s)/2. Hence, and by Minkowski,
 
-    ∫|r| ≤ δ (y₀ + y₁)/2 + β δ³/12 + 2κδ,
-    √∫|r|² ≤ √(δ (y₀² + y₀y₁ + y₁²)/3) + β √(δ⁵/120) + 2κ√δ.
+    ∫|r| ≤ δ (y₀ + y₁)/2 + β δ³/12 + 2κδ + |g| I,
+    √∫|r|² ≤ √(δ (y₀² + y₀y₁ + y₁²)/3) + β √(δ⁵/120) + 2κ√δ + |g| J.
+
+So a pulse counts by what it does, however short it is beside a step.
 
 β is the smallest of Taylor's bounds, of any order q ≥ 2:
 
@@ -197,8 +201,10 @@ class Motion:
         Length of each block of them within a step, at most.
     sizes : array, shape (ORDER, forces, steps)
         Derivatives of p̄ within a step, at most.
-    strays : array, shape (forces, steps)
-        |p - p̄| within a step, at most.
+    strays : array, shape (2, forces, steps)
+        I and J of each step, at most.
+    levels : array, shape (2, forces, steps)
+        p̄ at the beginning and at the end of each step.
     """
 
     step: float
@@ -207,6 +213,7 @@ class Motion:
     reach: np.ndarray
     sizes: np.ndarray
     strays: np.ndarray
+    levels: np.ndarray
 
     @classmethod
     def of(cls, full: FullModel, model: LiftedModel, start: np.ndarray, steps: int) -> "Motion":
@@ -227,18 +234,21 @@ class Motion:
         prepared.run(values[:count])
         times = np.arange(steps + 1) * step
         rates = np.zeros((ORDER, len(values), steps))
-        sizes, strays = np.zeros((ORDER, push.shape[1], steps)), np.zeros((push.shape[1], steps))
+        sizes = np.zeros((ORDER, push.shape[1], steps))
+        strays, levels = np.zeros((2, push.shape[1], steps)), np.zeros((2, push.shape[1], steps))
         for n, one in enumerate(full.courses):
-            values[count + n], rates[:, count + n], sizes[:, n], strays[n] = _within(one, times)
+            values[count + n], rates[:, count + n], sizes[:, n], strays[:, n], levels[:, n] = (
+                _within(one, times)
+            )
         reach = np.empty((ORDER, len(own.members), steps))
-        before = values[:, :-1]
+        before = np.concatenate([values[:count, :-1], levels[0]])
         for order, now in enumerate(rates):
             now[:count] = own.operator @ before[:count] + push @ before[count:]
             before = now
             for m, block in enumerate(own.members):
                 reach[order, m] = np.linalg.norm(now[block], axis=0)
                 reach[order, m] += step * np.linalg.norm(push[block], axis=0) @ sizes[order]
-        return cls(step, values, rates, reach, sizes, strays)
+        return cls(step, values, rates, reach, sizes, strays, levels)
 
 
 def _within(course, times):
@@ -249,7 +259,8 @@ def _within(course, times):
     values : array, shape (steps + 1,)
     rates, sizes : arrays, shape (ORDER, steps)
         Derivatives of p̄, at the beginning and at most.
-    strays : array, shape (steps,)
+    strays, levels : arrays, shape (2, steps)
+        I and J, at most; p̄ at the beginning and at the end.
     """
     edges, coefficients = course.edges, course.coefficients
     last = len(coefficients) - 1
@@ -259,16 +270,26 @@ def _within(course, times):
     values = chebyshev.chebval(place, coefficients[first].T, tensor=False)
     piece, until = first[:-1], first[1:]
     alone = piece == until
-    # How much p can change within each piece in a step, and from one to the next, summed up.
+    levels = np.stack([values[:-1], values[1:]])
+    strays = np.zeros((2, alone.size))
+    # Where more than one piece lies in a step, how far p may be from either level on each part.
+    cuts = np.union1d(times, edges)
+    cuts = cuts[(cuts >= times[0]) & (cuts <= times[-1])]
+    start, width = cuts[:-1], np.diff(cuts)
+    of = np.clip(np.searchsorted(times, start, "right") - 1, 0, alone.size - 1)
+    start, width, of = start[~alone[of]], width[~alone[of]], of[~alone[of]]
+    on = np.clip(np.searchsorted(edges, start, "right") - 1, 0, last)
     slopes = np.abs(chebyshev.chebder(coefficients, axis=1)).sum(axis=1) * scale
-    inside = np.minimum(
-        2 * np.abs(coefficients[:, 1:]).sum(axis=1), slopes * np.minimum(times[1], np.diff(edges))
+    swing = np.minimum(2 * np.abs(coefficients[on, 1:]).sum(axis=1), slopes[on] * width)
+    begun = chebyshev.chebval(
+        np.clip(scale[on] * (start - edges[on]) - 1, -1, 1), coefficients[on].T, tensor=False
     )
-    jumps = np.abs(
-        chebyshev.chebval(-1, coefficients[1:].T) - chebyshev.chebval(1, coefficients[:-1].T)
-    )
-    summed = np.concatenate([[0], np.cumsum(inside + np.append(jumps, 0))])
-    strays = np.where(alone, 0, summed[until] + inside[until] - summed[piece])
+    far = np.abs(begun - levels[:, of]) + swing
+    sums = np.array([np.bincount(of, one * width, alone.size) for one in far])
+    squares = np.array([np.bincount(of, one**2 * width, alone.size) for one in far])
+    taken = np.argmin(sums, axis=0), np.arange(alone.size)
+    strays[0], strays[1] = sums[taken], np.sqrt(squares[taken])
+    levels[:, ~alone] = levels[taken][~alone]
     rates, sizes = np.zeros((2, ORDER, alone.size))
     piece, place, scale = piece[alone], place[:-1][alone], scale[piece[alone]]
     part = coefficients[piece].T
@@ -276,7 +297,7 @@ def _within(course, times):
         part = chebyshev.chebder(part) * scale
         rates[order, alone] = chebyshev.chebval(place, part, tensor=False)
         sizes[order, alone] = np.abs(part).sum(axis=0)
-    return values, rates, sizes, strays
+    return values, rates, sizes, strays, levels
 
 
 @dataclass(frozen=True)
@@ -308,47 +329,68 @@ class Map:
 
     def on(self, motion: Motion) -> "Norms":
         step = motion.step
-        ends = np.linalg.norm(self.factor @ motion.values, axis=0)
+        count = motion.values.shape[0] - motion.strays.shape[1]
+        first, last = (
+            np.linalg.norm(
+                self.factor @ np.concatenate([motion.values[:count, part], level]), axis=0
+            )
+            for part, level in zip((slice(None, -1), slice(1, None)), motion.levels, strict=True)
+        )
         bends, known = np.full((2, motion.values.shape[1] - 1), [[np.inf], [0]])
         for order in range(1, ORDER):
             weight = step ** (order - 1) / factorial(order - 1)
             within = self.blocks @ motion.reach[order] + self.direct @ motion.sizes[order]
             bends = np.minimum(bends, known + weight * within)
             known = known + weight * np.linalg.norm(self.factor @ motion.rates[order], axis=0)
-        stray = (self.direct + step * self.pushed) @ motion.strays
-        return Norms(step, ends[:-1], ends[1:], bends, 2 * stray)
+        moved = 2 * self.pushed @ motion.strays[0]
+        return Norms(
+            step, first, last, bends, moved, *np.tensordot(self.direct, motion.strays, (0, 1))
+        )
 
 
 @dataclass(frozen=True)
 class Norms:
-    """Norms at the ends of each step, and what may be added within, β and 2κ."""
+    """Norms at the ends of each step, and what may be added within: β, 2κ, |g| I and |g| J."""
 
     step: float
     first: np.ndarray
     last: np.ndarray
     bends: np.ndarray
-    kinks: np.ndarray
+    moved: np.ndarray
+    direct: np.ndarray
+    direct_root: np.ndarray
 
     @property
     def straight(self) -> "Norms":
         """As if all were linear within the steps."""
-        return replace(self, bends=0 * self.bends, kinks=0 * self.kinks)
+        return replace(
+            self,
+            bends=0 * self.bends,
+            moved=0 * self.moved,
+            direct=0 * self.direct,
+            direct_root=0 * self.direct_root,
+        )
 
     @property
     def integral(self) -> np.ndarray:
         even = self.step / 2 * (self.first + self.last)
-        return even + self.step**3 / 12 * self.bends + self.step * self.kinks
+        return even + self.step**3 / 12 * self.bends + self.step * self.moved + self.direct
 
     @property
     def square(self) -> np.ndarray:
         """Integral of the square."""
         even = self.step / 3 * (self.first**2 + self.first * self.last + self.last**2)
-        added = np.sqrt(self.step**5 / 120) * self.bends + np.sqrt(self.step) * self.kinks
+        added = (
+            np.sqrt(self.step**5 / 120) * self.bends
+            + np.sqrt(self.step) * self.moved
+            + self.direct_root
+        )
         return (np.sqrt(even) + added) ** 2
 
     @property
     def largest(self) -> np.ndarray:
-        return np.maximum(self.first, self.last) + self.step**2 / 8 * self.bends + self.kinks
+        """Largest norm within each step, of a map that the force reaches through z alone."""
+        return np.maximum(self.first, self.last) + self.step**2 / 8 * self.bends + self.moved
 
 
 @dataclass(frozen=True)
