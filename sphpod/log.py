@@ -21,6 +21,8 @@ def start(path: str | os.PathLike[str]) -> None:
         format="%(levelname)s %(name)s: %(message)s",
     )
     logging.captureWarnings(True)
+    # Of each font in each figure it has a hundred lines to say.
+    logging.getLogger("fontTools").setLevel(logging.WARNING)
     told = logging.StreamHandler(sys.stderr)
     told.setLevel(logging.WARNING)
     logging.getLogger(__package__).addHandler(told)

@@ -225,7 +225,7 @@ def made_anew(folder, target, **environment):
     return sorted(re.findall(r"^Job \d+: (.*)$", said, re.M)), said
 
 
-@pytest.mark.parametrize("change", ["key", "kernel", "library"])
+@pytest.mark.parametrize("change", ["key", "kernel", "library", "script of what is missing"])
 def test_the_same_is_made_anew_without_what_snakemake_keeps(benchmarked, bare, tmp_path, change):
     environment = {}
     if change == "library":
@@ -247,13 +247,39 @@ def test_the_same_is_made_anew_without_what_snakemake_keeps(benchmarked, bare, t
             if change == "kernel":
                 kernel = folder / "sphpod/reference.py"
                 changes.enter_context(edited(kernel, "= stress[0]\n", "= 1.0 * stress[0]\n"))
+            if change == "script of what is missing":
+                script = folder / "workflow/scripts/reduced_model.py"
+                changes.enter_context(edited(script, "\nif __name__", "\nMORE = 1\n\nif __name__"))
+                for sweep in list(folder.glob("small/results/*/*/original/k*.nc")):
+                    aside = sweep.rename(tmp_path / f"{folder.name}-{'-'.join(sweep.parts[-4:])}")
+                    changes.callback(aside.rename, sweep)
             jobs[folder], said = made_anew(folder, "lifted", **environment)
         assert "Params have changed since last execution" in said
     assert jobs[benchmarked] == jobs[bare]
     assert "Mode counts from which each reduced model works" in jobs[bare]
+    if change == "script of what is missing":
+        return
     assert "graded: reference solution, centred" in jobs[bare]
     assert ("graded: full SPH" in jobs[bare]) is (change != "kernel")
     assert ("waves: full SPH" in jobs[bare]) is (change == "library")
+
+
+def test_modes_of_another_configuration_are_made_anew(built):
+    """Each is where its rule puts it, and none of their own settings tells them apart."""
+    path = built / "small/results/waves/uniform10/pod.nc"
+    content, stat = path.read_bytes(), path.stat()
+    given = dataset.job(path)
+    assert given is not None
+    given["params"] = [text.replace("1.04", "1.05") for text in given["params"]]
+    settings = dataset.settings(path)
+    dataset.write(path, dataset.read(path), title="", settings=settings, code="", job=given)
+    os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns - 10**9))
+    try:
+        made, _ = made_anew(built, "small/results/waves/uniform10/pod.nc")
+        assert made == ["waves: modes of the snapshots uniform10"]
+    finally:
+        path.write_bytes(content)
+        os.utime(path, ns=(stat.st_atime_ns, stat.st_mtime_ns))
 
 
 def test_scripts_count_by_what_they_do_and_not_by_their_dates(built):

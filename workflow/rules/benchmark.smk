@@ -15,6 +15,8 @@ rule cpu_time:
     priority: 1  # one after another, before what could run beside them in pairs
     threads: lambda wildcards: workflow.cores
     params:
+        physics=physics,
+        sampling=sampling_settings,
         study=study_settings,
         repeats=CONFIG["benchmark"]["repeats"],
         code=code("cpu_time.py"),
@@ -53,6 +55,8 @@ rule benchmark:
         "<logs>/{scene}/{sampling}/benchmark.log",
     threads: lambda wildcards: workflow.cores
     params:
+        physics=physics,
+        sampling=sampling_settings,
         study=study_settings,
         repeats=CONFIG["benchmark"]["repeats"],
         code=code("benchmark.py"),

@@ -26,6 +26,8 @@ rule lifted_pod:
     log:
         "<logs>/{scene}/{sampling}/lifted_pod.log",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         code=code("lifted_pod.py"),
     message:
         "{wildcards.scene}: energy modes of the snapshots {wildcards.sampling}"
@@ -49,6 +51,8 @@ rule lifted_model:
     wildcard_constraints:
         method="lifted_euler|lifted_exact",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         mode_counts=lambda wildcards: parse_modes(wildcards.modes),
         code=code("lifted_model.py"),
     message:
@@ -66,6 +70,8 @@ rule lifted_tolerance:
     log:
         "<logs>/{scene}/{sampling}/{method}/tol{tolerance}.log",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         code=code("lifted_tolerance.py"),
     message:
         "{wildcards.scene}: lifted reduced model within {wildcards.tolerance}, snapshots {wildcards.sampling}"

@@ -17,11 +17,11 @@ def known_record(store, path):
     return known, known is not None and known.endtime == path.stat().st_mtime
 
 
-def hand_over(store, path, known, given=None, root=None):
+def hand_over(store, path, known, given=None, root=None, made=None):
     """Let Snakemake know what the job that wrote a result was given; nothing if nobody knows."""
     if given is None and known is not None:
         return
-    made = path.stat().st_mtime
+    made = path.stat().st_mtime if made is None else made
     record = MetadataRecord(
         record_format_version=RECORD_FORMAT_VERSION, params=[], incomplete=False
     )
@@ -72,7 +72,19 @@ def hand_over_tables_and_figures(store):
                 hand_over(store, path, known, *made.get(path, ()))
 
 
+def hand_over_missing(store):
+    """Results that have gone, whose logs are left: they must not hide that they were out of date."""
+    results = OUTPUT / "results"
+    for log in (results / "logs").rglob("*.log"):
+        given = job.given_in_log(log)
+        root = OUTPUT if log.parent == results / "logs/figures" else results
+        for path in [root / name for name in given["output"]] if given else []:
+            if not path.exists() and store._read_record(str(path)) is None:
+                hand_over(store, path, None, given, root, log.stat().st_mtime)
+
+
 if workflow.is_main_process and (OUTPUT / "results").is_dir():
     store = FilePersistence()
     hand_over_datasets(store)
     hand_over_tables_and_figures(store)
+    hand_over_missing(store)

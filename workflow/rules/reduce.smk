@@ -10,6 +10,7 @@ rule snapshots:
     log:
         "<logs>/{scene}/{sampling}/snapshots.log",
     params:
+        physics=physics,
         sampling=sampling_settings,
         code=code("snapshots.py"),
     message:
@@ -26,6 +27,8 @@ rule pod:
     log:
         "<logs>/{scene}/{sampling}/pod.log",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         code=code("pod.py"),
     message:
         "{wildcards.scene}: modes of the snapshots {wildcards.sampling}"
@@ -47,6 +50,8 @@ rule reduced_model:
         # Any other method, so that one that does not exist is refused by name.
         method="(?!lifted_euler/|lifted_exact/|long_run/)[^/]+",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         mode_counts=lambda wildcards: parse_modes(wildcards.modes),
         code=code("reduced_model.py"),
     message:
@@ -65,6 +70,8 @@ rule acceleration:
     log:
         "<logs>/{scene}/{sampling}/acceleration.log",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         study=study_settings,
         code=code("acceleration.py"),
     message:

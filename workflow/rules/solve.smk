@@ -44,6 +44,7 @@ rule errors:
     log:
         "<logs>/{scene}/errors.log",
     params:
+        physics=physics,
         kinds=lambda wildcards: SCENES[wildcards.scene]["references"],
         code=code("errors.py"),
     message:

@@ -27,6 +27,8 @@ rule reduced_time_steps:
     log:
         "<logs>/{scene}/{sampling}/time_steps.log",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         mode_counts=stability_modes,
         code=code("reduced_time_steps.py"),
     message:
@@ -61,6 +63,8 @@ rule mode_map:
     log:
         "<logs>/{scene}/{sampling}/stability_map.log",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         mode_counts=all_modes,
         code=code("mode_map.py"),
     message:
@@ -98,6 +102,8 @@ rule operators:
     log:
         "<logs>/{scene}/{sampling}/operators.log",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         mode_counts=all_modes,
         code=code("operators.py"),
     message:
@@ -153,6 +159,8 @@ rule long_run:
     wildcard_constraints:
         modes=r"[1-9]\d*",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         horizon_factor=max(CONFIG["stability"]["horizon_factors"]),
         code=code("long_run.py"),
     message:
@@ -170,6 +178,7 @@ rule smoothing:
     log:
         "<logs>/{scene}/smoothing.log",
     params:
+        physics=physics,
         smoothing_ratios=CONFIG["stability"]["smoothing_ratios"],
         code=code("smoothing.py"),
     message:
@@ -207,6 +216,8 @@ rule poor_snapshots:
     log:
         "<logs>/{scene}/{sampling}/poor_snapshots.log",
     params:
+        physics=physics,
+        sampling=sampling_settings,
         mode_counts=stability_modes,
         noise_levels=CONFIG["stability"]["noise_levels"],
         code=code("poor_snapshots.py"),
@@ -242,6 +253,8 @@ rule machine:
         "<logs>/{scene}/{sampling}/machine.log",
     threads: lambda wildcards: workflow.cores
     params:
+        physics=physics,
+        sampling=sampling_settings,
         code=code("machine.py"),
     message:
         "{wildcards.scene}: the same on one thread and core as on more, snapshots {wildcards.sampling}"
