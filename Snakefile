@@ -54,5 +54,5 @@ rule stability:
     input:
         expand("<figures>/{name}.{form}", name=STABILITY_FIGURES, form=["pdf", "png"]),
         [f"<results>/{table}.csv" for table, datasets in STABILITY.items() if datasets],
-        # Full SPH of every scene tells in its attributes and its log what is foretold of it.
+        # Full SPH of every scene holds in its attributes and its log what is predicted of it.
         expand("<results>/{scene}/sph.nc", scene=SCENES),
