@@ -291,8 +291,8 @@ def physics(wildcards):
 def sampling_settings(wildcards):
     """Settings that the snapshots of a sampling depend on, and all that is made of them.
 
-    Every rule is given all settings that its results depend on, those of its inputs too: a file that
-    was made of others, and has taken the place of a result, is then known by them.
+    All rules are given all settings that their results depend on, those of their inputs too. A file
+    that was made of others, and has taken the place of a result, is then known by them.
     """
     sampling = SCENES[wildcards.scene]["samplings"][wildcards.sampling]
     return {key: value for key, value in sampling.items() if key != "mode_counts"}
