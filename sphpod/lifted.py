@@ -39,7 +39,7 @@ INTEGRATORS = (*FIXED_STEP, *ADAPTIVE, "exact")
 NO_LISTS = np.zeros(0, np.uint64), np.zeros(0, np.uint64), ABSENT
 """Stands for the neighbour lists that evenly spaced particles do not need."""
 
-VALUES_AT_ONCE = 2**22
+VALUES_AT_ONCE = 2**20
 """Values of a field between outputs that are looked at together, which bounds the memory."""
 
 FIELDS_AT_ONCE = 64
@@ -509,21 +509,30 @@ def _resolved(scene, integrator, tolerance, run):
     parts = int(np.ceil(fastest_wave(scene) * interval / RESOLVED))
     if parts <= 1:
         return run
-    mass, stiffness = energy_weights(scene)
-    _, profile = scene.force_values(np.zeros(1))
-    uniform = is_uniform(scene)
-    pushed = np.zeros(scene.error_times.size - 1)
-    # A translation of uniform particles strains nothing.
-    if profile.size and not (uniform and np.ptp(profile) == 0):
-        for course in scene.courses():
-            pushed += np.diff(course.impulse(scene.error_times)) * np.linalg.norm(mass * profile)
+    most = _most_strain(scene)
     at_once = max(1, VALUES_AT_ONCE // (parts * count))
+    # Of an interval that is long beside the waves, parts are solved a few at a time.
+    parts_at_once = min(at_once * parts, max(1, VALUES_AT_ONCE // count))
 
-    def may_fold(velocity, strain, rows):
-        waves = velocity[rows] - velocity[rows].mean(axis=1)[:, None] if uniform else velocity[rows]
-        squares = np.sum((mass * waves) ** 2, axis=1)
-        squares += np.sum((stiffness * strain[rows]) ** 2, axis=1)
-        return np.sqrt(squares) + pushed[rows] >= 0.99 * stiffness.min()
+    def look_within(row, end, state):
+        """First part from a row to another in which a particle is broken, and its fields there."""
+        for first in range(0, (end - row) * parts, parts_at_once):
+            steps = min(parts_at_once, (end - row) * parts - first)
+            begun = scene.error_times[row] + first * interval / parts
+            within = replace(
+                scene,
+                duration=steps * interval / parts,
+                error_interval=interval / parts,
+                time_step=interval / parts,
+                force_time=scene.force_time and scene.force_time.shifted(begun),
+            )
+            fields = np.empty((2, steps + 1, count))
+            found = prepare(within, integrator, tolerance=tolerance, start=state)(*fields)
+            # The end is an output, in which the run itself sees what is broken.
+            if 0 <= found and first + found // count < (end - row) * parts:
+                return first + found // count, found % count, fields[:, found // count]
+            state = tuple(fields[:, -1])
+        return None
 
     def run_and_look(velocity, strain, watch=True):
         failed = run(velocity, strain, watch)
@@ -531,30 +540,64 @@ def _resolved(scene, integrator, tolerance, run):
             return failed
         row, last = 0, len(velocity) - 1 if failed < 0 else failed // count
         while row < last:
-            doubts = may_fold(velocity, strain, slice(row, min(row + at_once, last)))
+            rows = slice(row, min(row + at_once, last))
+            doubts = most(velocity[rows], strain[rows], rows) >= 0.99
             if not doubts.any():
                 row += doubts.size
                 continue
             row, end = row + int(doubts.argmax()), row + doubts.size
-            within = replace(
-                scene,
-                duration=(end - row) * interval,
-                error_interval=interval / parts,
-                time_step=interval / parts,
-                force_time=scene.force_time and scene.force_time.shifted(scene.error_times[row]),
-            )
-            fields = np.empty((2, (end - row) * parts + 1, count))
-            start = velocity[row], strain[row]
-            found = prepare(within, integrator, tolerance=tolerance, start=start)(*fields)
-            # The end is an output, in which the run itself sees what is broken.
-            if 0 <= found < (end - row) * parts * count:
-                row += -(-(found // count) // parts)
-                velocity[row], strain[row] = fields[:, found // count]
-                return row * count + found % count
+            broken = look_within(row, end, (velocity[row], strain[row]))
+            if broken is not None:
+                part, particle, fields = broken
+                row += -(-part // parts)
+                velocity[row], strain[row] = fields
+                return row * count + particle
             row = end
         return failed
 
     return run_and_look
+
+
+def _most_strain(scene):
+    """What no strain exceeds until the next output: ``most(velocity, strain, rows)``, (rows,).
+
+    Nothing but a force raises the energy, and a strain is at most its norm over the least √(V c).
+    On a uniform line the energy of every wave is kept apart, and the strain is at most the sum of
+    the waves' amplitudes; a translation strains nothing.
+    """
+    mass, stiffness = energy_weights(scene)
+    _, profile = scene.force_values(np.zeros(1))
+    pushed = np.zeros(scene.error_times.size - 1)
+    if is_uniform(scene):
+        speed = np.sqrt(scene.modulus()[0] / scene.density0()[0])
+        reach = _amplitudes(profile)[..., 1:].sum() / speed if profile.size else 0.0
+
+        def most(velocity, strain, rows):
+            moving = _amplitudes(velocity) / speed
+            moving[:, 0] = 0
+            return np.hypot(moving, _amplitudes(strain)).sum(axis=1) + pushed[rows]
+    else:
+        reach = np.linalg.norm(mass * profile) / stiffness.min() if profile.size else 0.0
+
+        def most(velocity, strain, rows):
+            squares = np.sum((mass * velocity) ** 2, axis=1)
+            squares += np.sum((stiffness * strain) ** 2, axis=1)
+            return np.sqrt(squares) / stiffness.min() + pushed[rows]
+
+    if reach > 0:
+        pushed = sum(np.diff(course.impulse(scene.error_times)) for course in scene.courses())
+        pushed = pushed * reach
+    return most
+
+
+def _amplitudes(fields):
+    """Amplitudes of the waves of fields (…, N), the mean and those from long to short."""
+    count = fields.shape[-1]
+    sizes = np.abs(np.fft.rfft(fields)) * (2 / count)
+    sizes[..., 0] /= 2
+    if count % 2 == 0:
+        sizes[..., -1] /= 2
+    return sizes
 
 
 # --- Adaptive steps -------------------------------------------------------------------------------

@@ -1,5 +1,6 @@
 """Every model sees a breakdown, between outputs too, and it costs full models little."""
 
+import tracemalloc
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import VARIED, scene
 
-from sphpod import detection, error, lifted, lifted_rom, pod, sph
+from sphpod import detection, error, lifted, lifted_rom, pod, sph, stability
 from sphpod.rom import ReducedModel
 from sphpod.stability import Breakdown
 
@@ -114,6 +115,29 @@ def test_the_lifted_full_model_does_not_fold_between_outputs(integrator, changes
         lifted.solve(case, integrator)
     small = replace(case, initial_velocity=scene(initial_velocity=1e-3).initial_velocity)
     lifted.solve(small, integrator)
+
+
+@pytest.mark.parametrize("changes", [{}, {"initial_density": "1 + 0.1*cos(2*pi*x/L)"}])
+@pytest.mark.parametrize("speed", [0.15, 0.45])
+def test_an_interval_of_many_waves_is_looked_at_in_little_memory(changes, speed):
+    """However many times between two outputs there are to look at, few are held together."""
+    interval, count = 3.2, 2000
+    case = scene(
+        "excited", duration=interval, error_interval=interval, time_step=interval / 3200,
+        youngs_modulus=0.09765625, particle_count=count,
+        initial_velocity=f"{speed}*sin(2*pi*x/L)", **changes,
+    )  # fmt: skip
+    looks = stability.fastest_wave(case) * interval / stability.RESOLVED
+    assert looks * count > 4 * lifted.VALUES_AT_ONCE
+    tracemalloc.start()
+    try:
+        kept = np.empty((2, 2, count))
+        folded = lifted.prepare(case, "exact")(*kept) >= 0
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert folded is (speed > 0.3)
+    assert peak < 12 * lifted.VALUES_AT_ONCE * kept.itemsize
 
 
 @each
