@@ -8,12 +8,12 @@ __version__ = "0.1.0"
 
 # Modules are named by text: what is imported here counts as code of all that imports the package.
 _HOMES = {
-    "Scene": "scene",
-    "Breakdown": "stability",
-    "ConfigError": "config",
-    "load_scene": "configured",
-    "load_samplings": "configured",
-    "make_scene": "configured",
+    "Scene": "scene.scene",
+    "Breakdown": "scene.breakdown",
+    "ConfigError": "config.config",
+    "load_scene": "config.configured",
+    "load_samplings": "config.configured",
+    "make_scene": "config.configured",
     "solve_sph": "api",
     "solve_lifted": "api",
     "solve_reference": "api",

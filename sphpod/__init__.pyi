@@ -11,12 +11,12 @@ from sphpod.api import solve_reference as solve_reference
 from sphpod.api import solve_sph as solve_sph
 from sphpod.api import sweep as sweep
 from sphpod.api import take_snapshots as take_snapshots
-from sphpod.config import ConfigError as ConfigError
-from sphpod.configured import load_samplings as load_samplings
-from sphpod.configured import load_scene as load_scene
-from sphpod.configured import make_scene as make_scene
-from sphpod.scene import Scene as Scene
-from sphpod.stability import Breakdown as Breakdown
+from sphpod.config.config import ConfigError as ConfigError
+from sphpod.config.configured import load_samplings as load_samplings
+from sphpod.config.configured import load_scene as load_scene
+from sphpod.config.configured import make_scene as make_scene
+from sphpod.scene.breakdown import Breakdown as Breakdown
+from sphpod.scene.scene import Scene as Scene
 
 __version__: str
 __all__: list[str]

@@ -13,25 +13,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sphpod import (
-    certificate,
-    config,
-    error,
-    error_bound,
-    exact,
-    lifted,
-    lifted_rom,
-    pod,
-    reference,
-    resolution,
-    rom,
-    rounding,
-    snapshots,
-    sph,
-    stability,
-)
+from sphpod.config import config
+from sphpod.full import lifted, sph
 from sphpod.labelled import Data, arrays_of, labelled
-from sphpod.scene import Scene
+from sphpod.numerics import error
+from sphpod.reduced import certificate, error_bound, lifted_rom, pod, rom, rounding, snapshots
+from sphpod.reference import exact, reference
+from sphpod.scene import resolution, waves
+from sphpod.scene.scene import Scene
 
 if TYPE_CHECKING:
     import xarray
@@ -60,7 +49,7 @@ def solve_sph(scene: Scene) -> "xarray.Dataset":
     -------
     xarray.Dataset
         velocity (t, x) [m/s], density (t, x) [kg/m³]; as attributes what is predicted of waves that
-        grow or are not resolved (`stability.predict`, `resolution.predict`), which the log warns
+        grow or are not resolved (`waves.predict`, `resolution.predict`), which the log warns
         of.
 
     Raises
@@ -68,7 +57,7 @@ def solve_sph(scene: Scene) -> "xarray.Dataset":
     Breakdown
         The solution became non-finite or its density stopped being positive.
     """
-    predicted = stability.predict(scene) | resolution.predict(scene)
+    predicted = waves.predict(scene) | resolution.predict(scene)
     return labelled(scene, sph.solve(scene, scene.error_steps), predicted)
 
 
@@ -78,7 +67,7 @@ def solve_lifted(
     time_step: float | None = None,
     tolerance: float = 1e-8,
 ) -> "xarray.Dataset":
-    """Full SPH in velocity and strain e = ρ0/ρ - 1, in which it is linear (`sphpod.lifted`).
+    """Full SPH in velocity and strain e = ρ0/ρ - 1, in which it is linear (`sphpod.full.lifted`).
 
     Parameters
     ----------
@@ -431,7 +420,7 @@ def plot_profile(
     ValueError
         A field is none of the three, or the solution is of other times or particles.
     """
-    from sphpod import plotting
+    from sphpod.figures import plotting
 
     arrays = arrays_of(scene, "solution", solution, *error.FIELDS)
     return plotting.profile(arrays, list(fields), scene.domain_length)
@@ -452,7 +441,7 @@ def plot_modes(scene: Scene, modes: Data, count: int = 12) -> "Figure":
     ValueError
         These are not such modes, or those of other particles.
     """
-    from sphpod import plotting
+    from sphpod.figures import plotting
 
     arrays = arrays_of(scene, "modes", modes, "velocity_modes", "density_modes")
     return plotting.modes(arrays, count, scene.domain_length)
@@ -473,7 +462,7 @@ def plot_errors(modes: Data, sweep: Data, errors: Data, reference: str) -> "Figu
     ValueError
         The data are not these.
     """
-    from sphpod import plotting
+    from sphpod.figures import plotting
 
     return plotting.error(
         arrays_of(None, "modes", modes, "velocity_singular_values", "density_singular_values"),

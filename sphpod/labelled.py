@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sphpod.dataset import VARIABLES
-from sphpod.scene import Scene
+from sphpod.pipeline.dataset import VARIABLES
+from sphpod.scene.scene import Scene
 
 if TYPE_CHECKING:
     import xarray

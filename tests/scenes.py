@@ -1,6 +1,6 @@
 """Small scenes for the tests."""
 
-from sphpod.scene import Scene
+from sphpod.scene.scene import Scene
 
 WAVE = "1e-3*sin(2*pi*x/L) + 5e-4*cos(4*pi*x/L)"
 

@@ -18,8 +18,10 @@ import xarray as xr
 from packaging.requirements import Requirement
 
 import sphpod
-from sphpod import certificate, error, lifted, lifted_rom, pod, rom, rounding, snapshots, sph
-from sphpod.dataset import VARIABLES
+from sphpod.full import lifted, sph
+from sphpod.numerics import error
+from sphpod.pipeline.dataset import VARIABLES
+from sphpod.reduced import certificate, lifted_rom, pod, rom, rounding, snapshots
 
 ROOT = Path(__file__).parents[1]
 SETTINGS = {
@@ -360,16 +362,16 @@ def test_breaking_down_is_reported(scene):
 def test_an_installed_package_has_the_files_that_it_reads():
     """What is declared as data of the package is all that lies beside its modules."""
     with open(ROOT / "pyproject.toml", "rb") as file:
-        declared = tomllib.load(file)["tool"]["setuptools"]["package-data"]["sphpod"]
-    for path in (ROOT / "sphpod").iterdir():
-        if path.is_file() and path.suffix != ".py":
+        declared = tomllib.load(file)["tool"]["setuptools"]["package-data"]["*"]
+    for path in (ROOT / "sphpod").rglob("*.*"):
+        if "__pycache__" not in path.parts and path.suffix != ".py":
             assert any(fnmatch.fnmatch(path.name, pattern) for pattern in declared), path.name
 
 
 def test_numerics_need_no_package_of_the_workflow():
     program = (
         "import sys, sphpod; [getattr(sphpod, name) for name in sphpod.__all__];"
-        "import sphpod.plotting; print(*{name.partition('.')[0] for name in sys.modules})"
+        "import sphpod.figures.plotting; print(*{name.partition('.')[0] for name in sys.modules})"
     )
     run = subprocess.run(
         [sys.executable, "-c", program], cwd=ROOT, capture_output=True, text=True, check=True

@@ -15,12 +15,13 @@ import yaml
 from snakemake.cli import get_argument_parser  # type: ignore[import-untyped]
 
 import sphpod
-from sphpod import config, kernel
-from sphpod.dataset import VARIABLES
-from sphpod.scene import Scene
+from sphpod.config import config
+from sphpod.pipeline.dataset import VARIABLES
+from sphpod.scene import kernel
+from sphpod.scene.scene import Scene
 
 ROOT = Path(__file__).parents[1]
-SCHEMA = ROOT / "sphpod" / "config.schema.yaml"
+SCHEMA = ROOT / "sphpod" / "config" / "config.schema.yaml"
 DOCUMENTS = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
     for path in (

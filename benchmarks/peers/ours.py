@@ -6,8 +6,9 @@ import numpy as np
 
 from benchmarks.peers.contender import CONVERGED, EULER, LIFTED_EULER, Check, Contender, Model
 from benchmarks.peers.problem import MODES, Problem
-from sphpod import lifted, lifted_rom, pod, sph
-from sphpod.rom import ReducedModel
+from sphpod.full import lifted, sph
+from sphpod.reduced import lifted_rom, pod
+from sphpod.reduced.rom import ReducedModel
 
 
 def contenders(problem: Problem) -> Iterator[Contender]:

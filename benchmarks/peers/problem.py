@@ -8,10 +8,11 @@ import yaml
 from scipy.integrate import cumulative_simpson
 from scipy.sparse import csr_array
 
-from sphpod import exact, sph
-from sphpod.kernel import neighbour_lists
-from sphpod.scene import Scene
-from sphpod.snapshots import extract
+from sphpod.full import sph
+from sphpod.reduced.snapshots import extract
+from sphpod.reference import exact
+from sphpod.scene.kernel import neighbour_lists
+from sphpod.scene.scene import Scene
 
 CONFIG = "config/config.yaml"
 SCENE = "ten_harmonics"

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from sphpod.dataset import whole
+from sphpod.pipeline.dataset import whole
 
 HEADER = """# Other tools on the same scene
 

@@ -8,10 +8,20 @@ from pathlib import Path
 
 import numpy as np
 
-from sphpod import claims, exact, paper, provenance, snapshots
-from sphpod.config import ConfigError, check_modes, load, parse_modes, parse_tolerance, usual_sweep
-from sphpod.kernel import derivative_coefficient
-from sphpod.scene import PHYSICS_KEYS, Scene
+from sphpod.paper import claims, paper
+from sphpod.reference import exact
+from sphpod.pipeline import provenance
+from sphpod.reduced import snapshots
+from sphpod.config.config import (
+    ConfigError,
+    check_modes,
+    load,
+    parse_modes,
+    parse_tolerance,
+    usual_sweep,
+)
+from sphpod.scene.kernel import derivative_coefficient
+from sphpod.scene.scene import PHYSICS_KEYS, Scene
 
 ROOT = Path(workflow.basedir)
 

@@ -2,13 +2,13 @@
 
 Snakemake keeps the parameters and inputs of each result in `.snakemake`. Of results that were
 copied here, or that have lost that folder, they stand in the results themselves and in their logs
-(`sphpod/job.py`). These are handed over before Snakemake decides what to make anew; it then does
+(`sphpod/pipeline/job.py`). These are handed over before Snakemake decides what to make anew; it then does
 so, and says why, as if it had made the results here itself."""
 
 from snakemake.persistence import RECORD_FORMAT_VERSION, MetadataRecord
 from snakemake.persistence.file import FilePersistence
 
-from sphpod import job
+from sphpod.pipeline import job
 
 
 def known_record(store, path):

@@ -1,7 +1,9 @@
 """Compare the reduced models of an acceleration study with full SPH."""
 
-from sphpod import dataset, error, job, rom
-from sphpod.scene import Scene
+from sphpod.numerics import error
+from sphpod.pipeline import dataset, job
+from sphpod.reduced import rom
+from sphpod.scene.scene import Scene
 
 if __name__ == "__main__":
     given = job.start(snakemake)

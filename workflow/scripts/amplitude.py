@@ -1,7 +1,8 @@
 """Scale the initial velocity up until the scene folds, with all models."""
 
-from sphpod import amplitude, dataset, job
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import amplitude
 
 if __name__ == "__main__":
     given = job.start(snakemake)

@@ -1,7 +1,9 @@
 """Time full and reduced models of a study by every method, and tell their errors."""
 
-from sphpod import benchmark, dataset, error, job, timing
-from sphpod.scene import Scene
+from sphpod.numerics import error
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import benchmark, timing
 
 if __name__ == "__main__":
     given = job.start(snakemake)

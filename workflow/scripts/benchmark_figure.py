@@ -1,6 +1,7 @@
 """Draw a figure of the benchmarks: its inputs are the arguments of its kind's plotting function."""
 
-from sphpod import benchmark_plots, dataset, job, plotting
+from sphpod.figures import benchmark_plots, plotting
+from sphpod.pipeline import dataset, job
 
 if __name__ == "__main__":
     job.start(snakemake)

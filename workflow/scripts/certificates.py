@@ -2,7 +2,8 @@
 
 import pandas as pd
 
-from sphpod import comparison, dataset, job
+from sphpod.pipeline import dataset, job
+from sphpod.studies import comparison
 
 if __name__ == "__main__":
     job.start(snakemake)

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from sphpod import claims, dataset, job
+from sphpod.paper import claims
+from sphpod.pipeline import dataset, job
 
 if __name__ == "__main__":
     job.start(snakemake)

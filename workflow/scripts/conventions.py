@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from sphpod import conventions, dataset, job, paper
+from sphpod.paper import conventions, paper
+from sphpod.pipeline import dataset, job
 
 if __name__ == "__main__":
     job.start(snakemake)

@@ -1,7 +1,8 @@
 """Time full SPH and the reduced models of an acceleration study."""
 
-from sphpod import dataset, job, timing
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import timing
 
 if __name__ == "__main__":
     given = job.start(snakemake)

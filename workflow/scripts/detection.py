@@ -1,7 +1,8 @@
 """Time full models that watch for a breakdown, and that do not."""
 
-from sphpod import dataset, detection, job, timing
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import detection, timing
 
 if __name__ == "__main__":
     given = job.start(snakemake)

@@ -1,7 +1,8 @@
 """Check what must hold of a scene at the edge of what can be computed."""
 
-from sphpod import dataset, edge_scenes, job
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import edge_scenes
 
 if __name__ == "__main__":
     given = job.start(snakemake)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from sphpod import dataset, error, job
+from sphpod.numerics import error
+from sphpod.pipeline import dataset, job
 
 if __name__ == "__main__":
     given = job.start(snakemake)

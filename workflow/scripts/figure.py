@@ -1,6 +1,7 @@
 """Draw a figure: its inputs and options are the arguments of the plotting function of its kind."""
 
-from sphpod import dataset, job, plotting
+from sphpod.figures import plotting
+from sphpod.pipeline import dataset, job
 
 if __name__ == "__main__":
     job.start(snakemake)

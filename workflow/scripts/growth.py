@@ -1,7 +1,8 @@
 """Predict how much the energy grows over long times, and measure it."""
 
-from sphpod import dataset, growth, job
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.stability import growth
 
 if __name__ == "__main__":
     given = job.start(snakemake)

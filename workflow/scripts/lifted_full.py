@@ -1,7 +1,8 @@
 """Solve the lifted full model, exactly in time, at the times of the error integral."""
 
-from sphpod import dataset, job, lifted
-from sphpod.scene import Scene
+from sphpod.full import lifted
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
 
 if __name__ == "__main__":
     given = job.start(snakemake)

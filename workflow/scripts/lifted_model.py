@@ -1,7 +1,9 @@
 """Run a lifted reduced model for one or more mode counts, and tell its errors and their bound."""
 
-from sphpod import certificate, dataset, error, job, lifted_rom
-from sphpod.scene import Scene
+from sphpod.numerics import error
+from sphpod.pipeline import dataset, job
+from sphpod.reduced import certificate, lifted_rom
+from sphpod.scene.scene import Scene
 
 if __name__ == "__main__":
     given = job.start(snakemake)

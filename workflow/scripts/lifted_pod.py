@@ -1,7 +1,8 @@
 """Find the energy-orthonormal modes of velocity and strain snapshots."""
 
-from sphpod import dataset, job, lifted_rom
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.reduced import lifted_rom
+from sphpod.scene.scene import Scene
 
 if __name__ == "__main__":
     given = job.start(snakemake)

@@ -2,8 +2,9 @@
 
 import logging
 
-from sphpod import certificate, dataset, job
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.reduced import certificate
+from sphpod.scene.scene import Scene
 
 if __name__ == "__main__":
     given = job.start(snakemake)

@@ -1,7 +1,8 @@
 """Compare what one thread and core compute with what more of them do."""
 
-from sphpod import dataset, job, machine
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import machine
 
 if __name__ == "__main__":
     given = job.start(snakemake)

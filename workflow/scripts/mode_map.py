@@ -1,7 +1,8 @@
 """Map the growth of reduced models against mode count and time step."""
 
-from sphpod import dataset, job, stability_map
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.stability import stability_map
 
 if __name__ == "__main__":
     given = job.start(snakemake)

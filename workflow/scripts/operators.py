@@ -1,7 +1,8 @@
 """Tell the largest real parts of the spectra of reduced operators."""
 
-from sphpod import dataset, job, reduced_operators
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.stability import reduced_operators
 
 if __name__ == "__main__":
     given = job.start(snakemake)

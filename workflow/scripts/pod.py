@@ -1,6 +1,7 @@
 """Find the modes of velocity and density snapshots by proper orthogonal decomposition."""
 
-from sphpod import dataset, job, pod
+from sphpod.pipeline import dataset, job
+from sphpod.reduced import pod
 
 if __name__ == "__main__":
     given = job.start(snakemake)

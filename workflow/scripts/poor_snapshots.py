@@ -1,7 +1,8 @@
 """Make models of snapshots that are poor in every way, and judge them by their bounds."""
 
-from sphpod import dataset, job, poor_snapshots
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import poor_snapshots
 
 if __name__ == "__main__":
     given = job.start(snakemake)

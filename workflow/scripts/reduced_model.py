@@ -1,7 +1,9 @@
 """Run a reduced model for one or more mode counts, and compare it with SPH and the reference."""
 
-from sphpod import dataset, error, job, rom
-from sphpod.scene import Scene
+from sphpod.numerics import error
+from sphpod.pipeline import dataset, job
+from sphpod.reduced import rom
+from sphpod.scene.scene import Scene
 
 if __name__ == "__main__":
     given = job.start(snakemake)

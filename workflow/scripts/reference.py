@@ -1,7 +1,8 @@
 """Solve a scene by finite differences or exactly, at the times of the error integral."""
 
-from sphpod import dataset, exact, job, reference
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.reference import exact, reference
+from sphpod.scene.scene import Scene
 
 SOLVERS = {
     "fd": reference.solve_paper,

@@ -1,7 +1,8 @@
 """Measure how the time and memory of a step grow with particles and with modes."""
 
-from sphpod import dataset, job, scaling, timing
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import scaling, timing
 
 if __name__ == "__main__":
     given = job.start(snakemake)

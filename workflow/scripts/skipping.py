@@ -1,7 +1,8 @@
 """Time models with and without what a scene does not need."""
 
-from sphpod import dataset, job, skipping, timing
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import skipping, timing
 
 if __name__ == "__main__":
     given = job.start(snakemake)

@@ -1,7 +1,9 @@
 """Compare smoothing lengths: consistency, stability and errors of full SPH."""
 
-from sphpod import dataset, error, job, smoothing
-from sphpod.scene import Scene
+from sphpod.numerics import error
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import smoothing
 
 if __name__ == "__main__":
     given = job.start(snakemake)

@@ -1,7 +1,8 @@
 """Take the snapshots of a sampling out of full SPH."""
 
-from sphpod import dataset, job, rounding, snapshots
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.reduced import rounding, snapshots
+from sphpod.scene.scene import Scene
 
 if __name__ == "__main__":
     given = job.start(snakemake)

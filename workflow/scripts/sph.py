@@ -2,15 +2,17 @@
 
 import numpy as np
 
-from sphpod import dataset, job, resolution, sph, stability
-from sphpod.scene import Scene
+from sphpod.full import sph
+from sphpod.pipeline import dataset, job
+from sphpod.scene import resolution, waves
+from sphpod.scene.scene import Scene
 
 if __name__ == "__main__":
     given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
     steps = np.union1d(scene.error_steps, snakemake.params.snapshot_steps).astype(np.int64)
-    predicted = stability.predict(scene) | resolution.predict(scene)
+    predicted = waves.predict(scene) | resolution.predict(scene)
     dataset.write(
         snakemake.output[0],
         sph.solve(scene, steps) | {"error_sample": np.isin(steps, scene.error_steps)},

@@ -3,7 +3,8 @@
 Where an input is a list of files, the argument holds each by its scene, or scene and sampling.
 """
 
-from sphpod import dataset, job, plotting, stability_plots
+from sphpod.figures import plotting, stability_plots
+from sphpod.pipeline import dataset, job
 
 
 def tables(files):

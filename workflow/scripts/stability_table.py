@@ -2,19 +2,9 @@
 
 import pandas as pd
 
-from sphpod import (
-    amplitude,
-    dataset,
-    detection,
-    edge_scenes,
-    growth,
-    job,
-    limits,
-    machine,
-    poor_snapshots,
-    reduced_operators,
-    smoothing,
-)
+from sphpod.pipeline import dataset, job
+from sphpod.stability import growth, limits, reduced_operators
+from sphpod.studies import amplitude, detection, edge_scenes, machine, poor_snapshots, smoothing
 
 ROWS = {
     "stability": limits.rows,

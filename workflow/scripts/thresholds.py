@@ -2,8 +2,9 @@
 
 import pandas as pd
 
-from sphpod import comparison, dataset, job
-from sphpod.rom import freeze_steps
+from sphpod.pipeline import dataset, job
+from sphpod.reduced.rom import freeze_steps
+from sphpod.studies import comparison
 
 if __name__ == "__main__":
     job.start(snakemake)

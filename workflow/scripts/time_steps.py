@@ -1,7 +1,8 @@
 """Predict the largest stable time steps of full models, and measure them."""
 
-from sphpod import dataset, job, limits
-from sphpod.scene import Scene
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.stability import limits
 
 if __name__ == "__main__":
     given = job.start(snakemake)

@@ -2,7 +2,8 @@
 
 import pandas as pd
 
-from sphpod import dataset, job, timing
+from sphpod.pipeline import dataset, job
+from sphpod.studies import timing
 
 
 def table(paths, describe):

@@ -1,0 +1,1 @@
+"""Figures, a function for each kind."""

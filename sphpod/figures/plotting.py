@@ -1,0 +1,751 @@
+"""Figures, one function a kind; each takes arrays named as in `pipeline.dataset`, returns a Figure.
+
+Every figure is drawn at its final size with one style sheet, so its text has the size it will have
+in print. Labels are plain Unicode in one font; only the schematic typesets mathematics. That keeps
+drawing cheap and the files small. Captions belong to the configuration, not to the pictures.
+"""
+
+import os
+from collections.abc import Mapping, Sequence
+from itertools import cycle
+from pathlib import Path
+from typing import Any
+
+import matplotlib.style
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.axis import XAxis, YAxis
+from matplotlib.colors import AsinhNorm, Normalize
+from matplotlib.figure import Figure
+from matplotlib.gridspec import GridSpec
+from matplotlib.patches import Circle
+from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+
+from sphpod.pipeline import dataset
+
+Arrays = Mapping[str, np.ndarray]
+Look = Mapping[str, Any]  # keyword arguments of Axes.plot
+
+STYLE = Path(__file__).with_name("style.mplstyle")
+styled = matplotlib.style.context(["default", STYLE])
+
+PAGE_WIDTH = 5.9  # inches: the text width of a one-column journal
+HALF_WIDTH = 3.3
+PANEL_POINTS = 165  # width of one of two panels beside each other, about
+
+# Okabe and Ito's palette and two darker shades: blues for the velocity, reds for the density.
+BLACK, DIM, GREY, PALE = "#000000", "#666666", "#A6A6A6", "#D9D9D9"
+BLUE, SKY, NAVY = "#0072B2", "#56B4E9", "#00324F"
+VERMILLION, ORANGE, BROWN = "#D55E00", "#E69F00", "#7A3500"
+GREEN, PURPLE = "#009E73", "#CC79A7"
+
+ROUNDING = 1e-12
+"""A singular value below this fraction of the first is rounding noise."""
+
+TURNED = 1e-2
+"""A mode that rounding turns by more than this, `pod.ROUNDING_LEVEL`, is grey."""
+
+WORST_ERROR = 1e3
+"""A relative error above this, or none at all, only says that the model broke down."""
+
+BREAKDOWN_NOTE = "top edge: error above 10³, or broken down"
+
+UNRESOLVED_LABEL = "modes near rounding"
+
+FIELDS = ("velocity", "density")
+
+SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")
+
+
+@styled
+def save(
+    figure: Figure, pdf_path: str | os.PathLike[str], png_path: str | os.PathLike[str]
+) -> None:
+    """Write a figure as vector PDF and as 300 dpi PNG, each whole or not at all.
+
+    No date and no program name goes into the files: the same figure gives the same bytes.
+    """
+    with dataset.whole(pdf_path) as partial:
+        figure.savefig(partial, format="pdf", metadata={"CreationDate": None})
+    # The layout found for the first file serves both: finding it costs as much as drawing.
+    figure.set_layout_engine("none")
+    with dataset.whole(png_path) as partial:
+        figure.savefig(partial, format="png", metadata={"Software": None})
+
+
+# --- Schematic ------------------------------------------------------------------------------------
+
+
+@styled
+def spring() -> Figure:
+    """Draw mass points, springs and dampers of section 2.1, joined periodically (figure 2.1)."""
+    figure = Figure(figsize=(PAGE_WIDTH, 1.5))
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(-0.5, 8.5), ylim=(-1.3, 0.99), aspect="equal")
+    axes.axis("off")
+    names = ("N − 1", "0", "1", "···", "n", "n + 1", "···", "N − 1", "0")
+    radius = 0.31
+    # A spring of unit length.
+    along = np.concatenate(([0, 0.14], np.linspace(0.18, 0.82, 9), [0.86, 1]))
+    across = np.concatenate(([0, 0], 0.13 * np.array([1, -1] * 4 + [1]), [0, 0]))
+    for place, name in enumerate(names):
+        if place:
+            start, gap = place - 1 + radius, 1 - 2 * radius
+            axes.plot(start + gap * along, across, color=ORANGE, linewidth=1.1)
+        if name == "···":
+            axes.text(place, 0, name, fontsize=12, ha="center", va="center")
+            continue
+        # Beyond the periodic boundary stand images of the points at the other end: hollow.
+        image = place in (0, len(names) - 1)
+        face, ink = ("white", BLUE) if image else (BLUE, "white")
+        axes.add_patch(Circle((place, 0), radius, facecolor=face, edgecolor=BLUE))
+        axes.text(place, 0, name, color=ink, fontsize=7, ha="center", va="center_baseline")
+        if not image:
+            _draw_damper(axes, place, -radius)
+    for at, height, label in (
+        (3.5, -0.42, "$k_{n-1/2}$"),
+        (4, 0.42, "$m_n$"),
+        (4.5, -0.42, "$k_{n+1/2}$"),
+        (5, 0.42, "$m_{n+1}$"),
+        (4.3, -0.85, "$d_n$"),
+        (5.4, -0.85, "$d_{n+1}$"),
+    ):
+        axes.text(at, height, label, ha="center")
+    for edge in (0.5, 7.5):
+        axes.plot((edge, edge), (-0.45, 0.9), color=GREY, linestyle=":")
+    axes.annotate(
+        "",
+        (0.5, 0.82),
+        (7.5, 0.82),
+        arrowprops={"arrowstyle": "<->", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0},
+    )
+    axes.text(4, 0.82, "one period, $L$", ha="center", va="center", backgroundcolor="white")
+    return figure
+
+
+def _draw_damper(axes: Axes, place: float, top: float) -> None:
+    """Hang a dashpot under a mass point, from `top` down to hatched ground."""
+    look: Look = {"color": BLACK, "linewidth": 0.7, "solid_capstyle": "butt"}
+    half, ground = 0.11, top - 0.78
+    axes.plot((place, place), (top, top - 0.34), **look)
+    axes.plot((place - 0.8 * half, place + 0.8 * half), (top - 0.34, top - 0.34), **look)
+    walls = (place - half, place - half, place + half, place + half)
+    axes.plot(walls, (top - 0.22, top - 0.52, top - 0.52, top - 0.22), **look)
+    axes.plot((place, place), (top - 0.52, ground), **look)
+    axes.plot((place - 0.22, place + 0.22), (ground, ground), **look)
+    for stroke in np.linspace(-0.18, 0.22, 5):
+        axes.plot((place + stroke, place + stroke - 0.08), (ground, ground - 0.08), **look)
+
+
+# --- Profiles -------------------------------------------------------------------------------------
+
+
+@styled
+def profile(
+    solution: Arrays,
+    fields: Sequence[str] = ("initial_velocity", "velocity"),
+    length: float | None = None,
+) -> Figure:
+    """Draw the initial velocity and space-time pictures of a solution (figures 3.1, 3.18, ...).
+
+    Parameters
+    ----------
+    solution
+        `t` [s], evenly spaced from 0, `x` [m], `velocity` [m/s] and, for a picture of it,
+        `density` [kg/m³], both of shape (t, x).
+    fields
+        A panel each, from left to right: `initial_velocity`, `velocity` or `density_change`.
+    length
+        Length of the periodic domain [m]; needed where particles are not evenly spaced.
+
+    Raises
+    ------
+    ValueError
+        A field is none of the three.
+    """
+    shown = _shown(len(solution["t"]))
+    length = length or _length(solution["x"])
+    figure = Figure(figsize=(PAGE_WIDTH, 2.25), layout="constrained")
+    for axes, field in zip(figure.subplots(1, len(fields), squeeze=False)[0], fields, strict=True):
+        if field == "initial_velocity":
+            _draw_profile(axes, solution["x"], solution["velocity"][0], length)
+        elif field == "velocity":
+            _draw_picture(axes, solution, solution["velocity"][shown], "velocity v", "m/s", length)
+        elif field == "density_change":
+            change = solution["density"][shown] - solution["density"][0]
+            _draw_picture(axes, solution, change, "density ρ − ρ₀", "kg/m³", length)
+        else:
+            raise ValueError(
+                f"a profile shows initial_velocity, velocity or density_change, not {field!r}"
+            )
+        axes.set(xlim=(0, length), xlabel="position x [m]")
+    return figure
+
+
+def _shown(count: int, most: int = 601) -> np.ndarray:
+    """Indices of `count` times, thinned to `most` of them, first and last included."""
+    return np.linspace(0, count - 1, min(count, most)).round().astype(int)
+
+
+def _length(x: np.ndarray) -> float:
+    """Length of the periodic domain with evenly spaced particles at x [m]."""
+    return float(x[-1] + x[1] - 2 * x[0])
+
+
+def _unit(values: np.ndarray, unit: str) -> tuple[float, str]:
+    """Power of 1000 that brings the largest value between 0.1 and 100, and the unit it leaves."""
+    largest = np.abs(values).max()
+    exponent = 3 * int(np.floor((np.log10(largest) + 1) / 3)) if largest > 0 else 0
+    return 10.0**-exponent, unit if exponent == 0 else f"{_power_of_ten(exponent)} {unit}"
+
+
+def _power_of_ten(exponent: int) -> str:
+    return "10" + str(exponent).translate(SUPERSCRIPTS)
+
+
+def shortened(value: float) -> str:
+    """Two digits, with a power of ten where needed: 0.12, 1.2×10⁻³, 10⁻⁴."""
+    if 0.001 <= value < 100:
+        return f"{value:.2g}"
+    mantissa, exponent = f"{value:.1e}".split("e")
+    power = _power_of_ten(int(exponent))
+    return power if mantissa == "1.0" else f"{mantissa.removesuffix('.0')}×{power}"
+
+
+def _tick(value: float, short: bool) -> str:
+    return shortened(value) if short else _power_of_ten(round(np.log10(value)))
+
+
+def _draw_profile(axes: Axes, x: np.ndarray, velocity: np.ndarray, length: float) -> None:
+    factor, unit = _unit(velocity, "m/s")
+    axes.axhline(0, color=GREY, linewidth=0.6)
+    # The point at L is the one at 0.
+    axes.plot(np.append(x, length), factor * np.append(velocity, velocity[0]), color=BLUE)
+    axes.set_ylabel(f"initial velocity v₀ [{unit}]")
+    axes.yaxis.set_major_locator(MaxNLocator(6, steps=(1, 2, 5, 10)))
+
+
+def _draw_picture(
+    axes: Axes, solution: Arrays, values: np.ndarray, name: str, unit: str, length: float
+) -> None:
+    factor, unit = _unit(values, unit)
+    x = solution["x"]
+    even = np.arange(len(x)) * (length / len(x))
+    if not np.allclose(x, even, rtol=0, atol=1e-9 * length):
+        values = np.array([np.interp(even, x, row, period=length) for row in values])
+    values = factor * np.column_stack((values, values[:, 0]))
+    amplitude = np.abs(values).max(axis=1)
+    limit = amplitude.max() or 1.0
+    # A field that soon dies away would leave a blank picture on an even colour scale.
+    typical = np.median(amplitude[amplitude > 0]) if amplitude.any() else limit
+    fading = typical < 0.1 * limit
+    linear = max(typical / 2, limit / 1000)
+    norm = AsinhNorm(linear, -limit, limit) if fading else Normalize(-limit, limit)
+    half_cell = length / len(x) / 2
+    duration = solution["t"][-1]
+    half_step = duration / (len(values) - 1) / 2
+    picture = axes.imshow(
+        values,
+        norm=norm,
+        origin="lower",
+        interpolation_stage="data",  # at most 256 colours: a third of the bytes
+        extent=(
+            -half_cell,
+            length + half_cell,
+            -half_step,
+            duration + half_step,
+        ),
+    )
+    axes.set(ylim=(0, duration), ylabel="time t [s]")
+    bar = axes.figure.colorbar(picture, ax=axes, label=f"{name} [{unit}]", pad=0.03, aspect=18)
+    bar.outline.set_linewidth(0.6)
+    if fading:
+        powers = 10.0 ** np.arange(np.ceil(np.log10(linear)), np.floor(np.log10(limit)) + 1)
+        ticks = [*-powers[::-1], 0, *powers]
+        bar.set_ticks(ticks, labels=[f"{tick:g}".replace("-", "−") for tick in ticks])
+        bar.minorticks_off()
+    else:
+        bar.locator = MaxNLocator(6, steps=(1, 2, 5, 10))
+
+
+# --- Modes ----------------------------------------------------------------------------------------
+
+
+@styled
+def modes(pod: Arrays, count: int = 12, length: float | None = None) -> Figure:
+    """Draw the first modes of velocity and of density as small multiples (figures 3.2, 3.4, ...).
+
+    Above each panel stand its number and its singular value relative to the first. Modes that
+    rounding turns by more than `TURNED` are grey: those of small singular values, and
+    those of equal ones, which rotate freely.
+
+    Parameters
+    ----------
+    pod
+        `x` [m]; `velocity_modes`, `density_modes` of shape (mode, x) and unit Euclidean norm;
+        `velocity_singular_values`, `density_singular_values`; `velocity_mode_rounding`,
+        `density_mode_rounding`.
+    count
+        Number of modes shown of each, or all there are.
+    length
+        Length of the periodic domain [m]; needed where particles are not evenly spaced.
+    """
+    counts = [min(count, len(pod[f"{field}_modes"])) for field in FIELDS]
+    columns = max(counts) if max(counts) <= 5 else 4
+    rows = [-(-number // columns) for number in counts]
+    # Inches: heights of a panel with its title, of what stands below a block, margins of a block.
+    panel, below, left, right, top = 0.85, 0.46, 0.6, 0.06, 0.03
+    height = top + sum(rows) * panel + 2 * below
+    figure = Figure(figsize=(PAGE_WIDTH, height))
+    ceiling = height - top
+    for field, number, row_count in zip(FIELDS, counts, rows, strict=True):
+        floor = ceiling - row_count * panel
+        grid = figure.add_gridspec(
+            row_count,
+            columns,
+            left=left / PAGE_WIDTH,
+            right=1 - right / PAGE_WIDTH,
+            bottom=floor / height,
+            top=(ceiling - 0.28) / height,
+            wspace=0.08,
+            hspace=0.55,
+        )
+        _draw_modes(figure, grid, pod, field, number, length or _length(pod["x"]))
+        middle = (left + PAGE_WIDTH - right) / 2 / PAGE_WIDTH
+        figure.text(middle, (floor - 0.33) / height, "position x [m]", ha="center")
+        level = (floor + ceiling - 0.28) / 2 / height
+        figure.text(0.06 / PAGE_WIDTH, level, "mode (unit norm)", rotation=90, va="center")
+        ceiling = floor - below
+    return figure
+
+
+def _draw_modes(
+    figure: Figure, grid: GridSpec, pod: Arrays, field: str, number: int, length: float
+) -> None:
+    x, shapes = pod["x"], pod[f"{field}_modes"][:number]
+    values = pod[f"{field}_singular_values"][:number]
+    # Of snapshots that are zero all modes are noise, with nothing that they are a part of.
+    relative = values / values[0] if values[0] else np.zeros(number)
+    resolved = pod[f"{field}_mode_rounding"][:number] <= TURNED
+    # Noise may stick out, so that it does not flatten the modes that matter.
+    known = shapes[resolved] if resolved.any() else shapes
+    limit = 1.12 * min(np.abs(shapes).max(), 1.5 * np.abs(known).max())
+    colour = {"velocity": BLUE, "density": VERMILLION}[field]
+    panels = zip(shapes, relative, resolved, strict=True)
+    for index, (shape, weight, is_known) in enumerate(panels):
+        row, column = divmod(index, grid.ncols)
+        axes = figure.add_subplot(grid[row, column], xlim=(0, length), ylim=(-limit, limit))
+        axes.axhline(0, color=GREY, linewidth=0.4)
+        axes.plot(
+            np.append(x, length),
+            np.append(shape, shape[0]),
+            color=colour if is_known else GREY,
+        )
+        ratio = f"σ{str(index + 1).translate(SUBSCRIPTS)}/σ₁ = {shortened(weight)}"
+        if not values[0]:
+            ratio = "σ₁ = 0"
+        axes.set_title(f"{field} mode {index + 1}\n{ratio}", y=1, pad=2.5, linespacing=1.05)
+        # Shared axes: ticks, the costly part of a panel, only along the edges of the block.
+        if column == 0:
+            axes.yaxis.set_major_locator(MaxNLocator(3, symmetric=True))
+        else:
+            axes.yaxis.set_visible(False)
+        if index + grid.ncols >= number:
+            axes.set_xticks((0, length / 2, length), [f"{at:g}" for at in (0, length / 2, length)])
+            for label, side in zip(
+                axes.get_xticklabels(), ("left", "center", "right"), strict=True
+            ):
+                label.set(horizontalalignment=side)
+        else:
+            axes.xaxis.set_visible(False)
+
+
+# --- Errors ---------------------------------------------------------------------------------------
+
+
+# What is compared, its suffix in a sweep, and the looks of its curves for velocity and density.
+COMPARISONS: tuple[tuple[str, str, Look, Look], ...] = (
+    (
+        "POD against SPH",
+        "sph",
+        {"color": BLUE, "linestyle": "-", "marker": "o", "markersize": 2.5},
+        {"color": VERMILLION, "linestyle": "-", "marker": "s", "markersize": 2.5},
+    ),
+    (
+        "POD against reference",
+        "reference",
+        {"color": SKY, "linestyle": "--", "marker": "^", "markersize": 5, "fillstyle": "none"},
+        {"color": ORANGE, "linestyle": "--", "marker": "D", "markersize": 4.5, "fillstyle": "none"},
+    ),
+    (
+        "SPH against reference",
+        "",
+        {"color": NAVY, "linestyle": "-."},
+        {"color": BROWN, "linestyle": ":"},
+    ),
+)
+
+
+@styled
+def error(pod: Arrays, sweep: Arrays, errors: Arrays, reference: str) -> Figure:
+    """Draw singular values, and errors against the number of modes (figures 3.3, 3.5, ...).
+
+    An error that is not finite, or above 10³, stands as a marker on the top edge. Errors of models
+    whose modes are not resolved are grey: they may change with the processor.
+
+    Parameters
+    ----------
+    pod
+        `velocity_singular_values`, `density_singular_values`.
+    sweep
+        `mode_count` and, at each, `modes_resolved`, `velocity_error_sph`, `density_error_sph`,
+        `velocity_error_reference`, `density_error_reference` of the original reduced model.
+    errors
+        `solution`, `reference`, `velocity_error`, `density_error` of shape (solution, reference).
+    reference
+        The reference of the scene, as named in `errors`.
+    """
+    figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    _draw_singular_values(left, pod)
+    _draw_errors(right, sweep, errors, reference)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside lower left")
+    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2)
+    return figure
+
+
+def _draw_singular_values(axes: Axes, pod: Arrays) -> None:
+    noise = None
+    for field, symbol, colour, marker in zip(FIELDS, "vρ", (BLUE, VERMILLION), "os", strict=True):
+        values = pod[f"{field}_singular_values"]
+        number = np.arange(1, len(values) + 1)
+        kept = values >= ROUNDING * values[0]
+        look: Look = {"linestyle": "", "marker": marker, "markersize": 2.5}
+        label = f"{symbol}, singular value"
+        axes.plot(number[kept], values[kept], color=colour, label=label, **look)
+        if not kept.all():
+            (noise,) = axes.plot(number[~kept], values[~kept], color=GREY, **look)
+    if noise:
+        noise.set_label("below 10⁻¹² of the first")
+    axes.set(xlabel="mode number", ylabel="singular value [m/s, kg/m³]")
+    axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
+    scale_log(axes.yaxis, np.concatenate([pod[f"{field}_singular_values"] for field in FIELDS]))
+
+
+def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> None:
+    counts, resolved = sweep["mode_count"], sweep["modes_resolved"].astype(bool)
+    # A grey line begins and ends where the coloured one does.
+    beside = np.convolve(~resolved, (True, True, True), "same").astype(bool)
+    drawn = []
+    broken_anywhere = False
+    for place, (field, symbol) in enumerate(zip(FIELDS, "vρ", strict=True)):
+        for number, (comparison, suffix, *looks) in enumerate(COMPARISONS):
+            look = looks[place]
+            label = f"{symbol}, {comparison}"
+            if not suffix:
+                level = _sph_error(errors, field, reference)
+                axes.axhline(level, label=label, **look)
+                drawn.append(np.array([level]))
+                continue
+            values = sweep[f"{field}_error_{suffix}"]
+            broken = values > WORST_ERROR
+            # The line has a gap where the model broke down, or where the field is zero.
+            shown = np.where(broken, np.nan, values)
+            axes.plot(counts, np.where(resolved, shown, np.nan), label=label, **look)
+            if not resolved.all():
+                grey = {**look, "color": GREY, "zorder": 1.9}
+                axes.plot(counts, np.where(beside, shown, np.nan), **grey)
+            drawn.append(values[values <= WORST_ERROR])
+            # Side by side, for a model breaks down in everything at once.
+            aside = 0.22 * (2 * place + number - 1.5)
+            mark_breakdown(axes, counts[broken] + aside, look)
+            broken_anywhere |= bool(broken.any())
+    if not resolved.all():
+        axes.plot([], [], color=GREY, marker="o", markersize=2.5, label=UNRESOLVED_LABEL)
+    if broken_anywhere:
+        axes.set_title(BREAKDOWN_NOTE, loc="right")
+    axes.set(xlabel="number of modes k", ylabel="relative L² error")
+    axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
+    scale_log(axes.yaxis, np.concatenate(drawn))
+
+
+def mark_breakdown(axes: Axes, places: np.ndarray, look: Look) -> None:
+    """Put markers on the top edge, where there is no finite error to draw."""
+    if len(places):
+        edge = axes.get_xaxis_transform()
+        look = {**look, "linestyle": "", "clip_on": False, "zorder": 3}
+        axes.plot(places, np.ones(len(places)), transform=edge, **look)
+
+
+def scale_log(
+    axis: XAxis | YAxis, values: np.ndarray, room: float = 0.05, few_below: float = 80
+) -> None:
+    """Make an axis logarithmic, with room on both sides of the values: a share of their range.
+
+    Below a ratio `few_below` of its ends, powers of ten would be too few labels.
+    """
+    values = values[values > 0]
+    low, high = (values.min(), values.max()) if len(values) else (0.1, 10)
+    # A factor of 6.3 or more holds at least two of 1, 2, 5, 10, ...
+    margin = max(1.3, (high / low) ** room, np.sqrt(6.3 * low / high))
+    low, high = low / margin, high * margin
+    few = high / low < few_below
+    if axis.axis_name == "x":
+        axis.axes.set(xlim=(low, high), xscale="log")
+    else:
+        axis.axes.set(ylim=(low, high), yscale="log")
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if few else (1,), numticks=9))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: _tick(value, few)))
+    axis.set_minor_formatter(NullFormatter())
+
+
+# --- Acceleration ---------------------------------------------------------------------------------
+
+
+FULL_MODELS = {"sph_neighbour_lists": "none", "sph_stencil": "full"}
+REDUCED_MODELS = {"original": "+", "linearized": "x"}
+NAMES = {
+    "sph_neighbour_lists": "SPH, neighbour lists",
+    "sph_stencil": "SPH, even spacing",
+    "original": "original POD",
+    "linearized": "linearized density",
+}
+MODE_COUNT_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
+
+
+@styled
+def acceleration(acceleration: Arrays, cpu_time: Arrays, errors: Arrays, reference: str) -> Figure:
+    """Draw error against CPU time, velocity left, density right (figures 3.17, 3.21, ...).
+
+    Full SPH is compared with the reference, reduced models with full SPH. A point stands at the
+    median CPU time, its bar spans the quartiles.
+
+    Parameters
+    ----------
+    acceleration
+        `contender`, `mode_count` and `acceleration_velocity_error`, `acceleration_density_error`
+        of shape (contender, mode_count), against full SPH.
+    cpu_time
+        `contender`, `contender_mode_count` and `n_freeze` (0 where they do not apply), and
+        `cpu_seconds` of shape (contender, repeat).
+    errors
+        `solution`, `reference`, `velocity_error`, `density_error` of shape (solution, reference).
+    reference
+        The reference of the scene, as named in `errors`.
+    """
+    figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
+    panels = figure.subplots(1, 2)
+    for axes, field, symbol in zip(panels, FIELDS, "vρ", strict=True):
+        of_sph = _sph_error(errors, field, reference)
+        reduced = {
+            (name, count): value
+            for name, row in zip(
+                acceleration["contender"], acceleration[f"acceleration_{field}_error"], strict=True
+            )
+            for count, value in zip(acceleration["mode_count"], row, strict=True)
+        }
+        values = [
+            reduced[name, count] if count else of_sph
+            for name, count in zip(
+                cpu_time["contender"], cpu_time["contender_mode_count"], strict=True
+            )
+        ]
+        _draw_acceleration(axes, cpu_time, np.array(values))
+        axes.set_ylabel(f"relative L² error of {field} {symbol}")
+    handles, labels = panels[0].get_legend_handles_labels()
+    title = "SPH: error against the reference; POD: error against SPH; numbers at the dots: n"
+    figure.legend(
+        handles, labels, loc="outside lower center", ncols=min(3, -(-len(labels) // 3)), title=title
+    )
+    return figure
+
+
+def _draw_acceleration(axes: Axes, cpu_time: Arrays, values: np.ndarray) -> None:
+    """Draw the errors `values`, one a contender, against CPU time."""
+    names, counts, steps = (
+        cpu_time[name] for name in ("contender", "contender_mode_count", "n_freeze")
+    )
+    quartiles = time_quartiles(cpu_time["cpu_seconds"])
+    median = quartiles[1]
+    broken = values > WORST_ERROR
+    shown = np.where(broken, np.nan, values)
+    scale_log(axes.xaxis, quartiles[::2].ravel())
+    scale_log(axes.yaxis, values[values <= WORST_ERROR], room=0.12)
+
+    def draw(chosen: np.ndarray, label: str, look: Look) -> None:
+        if len(chosen):
+            times = median[chosen]
+            bars: Look = {"elinewidth": 0.6, "capsize": 1.5, "capthick": 0.6}
+            draw_bars(axes, quartiles[:, chosen], shown[chosen], look["color"], **bars)
+            axes.plot(times, shown[chosen], label=label, **look)
+            mark_breakdown(axes, times[broken[chosen]], look)
+
+    mode_counts = np.unique(counts[counts > 0])
+    for place, (count, colour) in enumerate(zip(mode_counts, cycle(MODE_COUNT_COLOURS))):
+        for name, marker in REDUCED_MODELS.items():
+            look = {"color": colour, "marker": marker, "markersize": 6, "linestyle": ""}
+            draw(
+                np.flatnonzero((names == name) & (counts == count)),
+                f"k = {count}, {NAMES[name]}",
+                look,
+            )
+        chosen = np.flatnonzero((steps > 0) & (counts == count))
+        chosen = chosen[np.argsort(steps[chosen])]
+        look = {"color": colour, "marker": "o", "linestyle": "--"}
+        draw(chosen, f"k = {count}, frozen for n steps", look)
+        chosen = chosen[values[chosen] > 0]
+        # Few modes, large errors, labels above; more modes, smaller errors, labels below.
+        _label_steps(axes, median[chosen], values[chosen], steps[chosen], colour, above=place == 0)
+    for name, filling in FULL_MODELS.items():
+        look = {"color": BLACK, "marker": "*", "fillstyle": filling, "markersize": 7}
+        draw(np.flatnonzero(names == name), NAMES[name], {**look, "linestyle": ""})
+    if broken.any():
+        axes.set_title(BREAKDOWN_NOTE, loc="right")
+    axes.set_xlabel("CPU time [s]")
+
+
+def time_quartiles(seconds: np.ndarray) -> np.ndarray:
+    """Lower quartile, median and upper quartile, shape (3, contenders), over the repeats."""
+    return np.quantile(seconds, (0.25, 0.5, 0.75), axis=1)
+
+
+def draw_bars(
+    axes: Axes,
+    quartiles: np.ndarray,
+    others: np.ndarray,
+    colour: str,
+    along: str = "x",
+    **look: Any,
+) -> None:
+    """Draw bars from the lower to the upper quartile along an axis, at `others` on the other."""
+    lower, median, upper = quartiles
+    bars: dict[str, Any] = {"x": others, "y": others}
+    bars |= {along: median, f"{along}err": (median - lower, upper - median)}
+    axes.errorbar(**bars, fmt="none", ecolor=colour, **look)
+
+
+def _label_steps(
+    axes: Axes,
+    times: np.ndarray,
+    values: np.ndarray,
+    steps: np.ndarray,
+    colour: str,
+    above: bool,
+) -> None:
+    """Write the numbers of frozen steps at their dots, together where dots stand close."""
+    left, right = axes.get_xlim()
+    points = PANEL_POINTS * np.log(times / left) / np.log(right / left)
+    finite = values <= WORST_ERROR
+    groups: list[list[int]] = []
+    for dot in np.lexsort((points, finite)).tolist():
+        if groups and finite[groups[-1][0]] == finite[dot]:
+            # A figure is some 4 pt wide.
+            needed = 2 * len(_listed(steps[groups[-1]])) + 2 * len(str(steps[dot])) + 4
+            if points[dot] - points[groups[-1]].mean() < needed:
+                groups[-1].append(dot)
+                continue
+        groups.append([dot])
+    for group in groups:
+        # Errors grow with n, so to the right above the line and to the left below it is room.
+        side = 1 if above and finite[group[0]] else -1
+        height = side * (side * values[group]).max() if finite[group[0]] else 1
+        axes.annotate(
+            _listed(steps[group]),
+            (np.exp(np.log(times[group]).mean()), height),
+            xycoords="data" if finite[group[0]] else axes.get_xaxis_transform(),
+            xytext=(2 * side, 4 * side),
+            textcoords="offset points",
+            ha="center",
+            va="bottom" if side > 0 else "top",
+            color=colour,
+            fontsize=7,
+        )
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return ", ".join(str(number) for number in numbers)
+
+
+def _sph_error(errors: Arrays, field: str, reference: str) -> float:
+    """Error of full SPH against a reference."""
+    solution = list(errors["solution"]).index("sph")
+    return float(errors[f"{field}_error"][solution, list(errors["reference"]).index(reference)])
+
+
+# --- Initial velocity -----------------------------------------------------------------------------
+
+
+@styled
+def initial_spectrum(solution: Arrays) -> Figure:
+    """Draw the amplitudes of the discrete Fourier modes of an initial velocity (figure C.2).
+
+    Those below 1e-12 of the largest are rounding noise and grey.
+
+    Parameters
+    ----------
+    solution
+        `velocity` [m/s] of shape (t, x), its first time 0.
+    """
+    velocity = solution["velocity"][0]
+    count = len(velocity)
+    amplitude = np.abs(np.fft.rfft(velocity)) * 2 / count
+    amplitude[0] /= 2
+    if count % 2 == 0:
+        amplitude[-1] /= 2
+    harmonic = np.arange(len(amplitude))
+    figure = Figure(figsize=(HALF_WIDTH, 2.25), layout="constrained")
+    axes = figure.subplots()
+    scale_log(axes.yaxis, amplitude)
+    noise = amplitude < ROUNDING * amplitude.max()
+    for chosen, colour, label in (
+        (~noise, BLUE, "discrete Fourier mode"),
+        (noise, GREY, "below 10⁻¹² of the largest"),
+    ):
+        if chosen.any():
+            shown = amplitude[chosen]
+            axes.vlines(harmonic[chosen], axes.get_ylim()[0], shown, colour, linewidth=0.6)
+            axes.plot(harmonic[chosen], shown, "o", color=colour, markersize=2, label=label)
+    figure.legend(loc="outside lower center", ncols=2)
+    axes.set(xlabel="harmonic number", ylabel="amplitude in v₀ [m/s]")
+    return figure
+
+
+# --- Phase ----------------------------------------------------------------------------------------
+
+
+@styled
+def phase(sph: Arrays, exact: Arrays, modified: Arrays, position: float, beta: float) -> Figure:
+    """Draw the velocity of one particle in time, in two rows (figure C.6).
+
+    Parameters
+    ----------
+    sph, exact, modified
+        `t` [s], `x` [m] and `velocity` [m/s] of shape (t, x): full SPH, the exact solution, and
+        the exact solution of a medium whose waves travel `beta` times as fast.
+    position
+        Where to look [m]: at the nearest particle.
+    beta
+        Leading coefficient of the SPH derivative (appendix B).
+    """
+    x = exact["x"]
+    particle = int(np.abs(x - position).argmin())
+    factor, unit = _unit(exact["velocity"][:, particle], "m/s")
+    figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
+    rows = figure.subplots(2, 1, sharey=True)
+    duration = exact["t"][-1]
+    for row, axes in enumerate(rows):
+        start, end = row * duration / 2, (row + 1) * duration / 2
+        for solution, label, look in (
+            (exact, "exact solution", {"color": GREY, "linewidth": 1.6}),
+            (modified, f"exact, waves β = {beta:.4f} times as fast", {"color": BLUE}),
+            (sph, "SPH", {"color": VERMILLION, "linestyle": (0, (3, 1.5))}),
+        ):
+            during = np.flatnonzero((solution["t"] >= start) & (solution["t"] <= end))
+            during = during[_shown(len(during), 1001)]
+            velocity = factor * solution["velocity"][during, particle]
+            axes.plot(solution["t"][during], velocity, label=label, **look)
+        axes.set(xlim=(start, end))
+    rows[1].set_xlabel("time t [s]")
+    figure.supylabel(f"velocity v at x = {x[particle]:g} m [{unit}]", fontsize=8)
+    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure

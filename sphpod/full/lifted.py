@@ -1,0 +1,813 @@
+"""Full-order model in velocity and strain, in which SPH is linear.
+
+With the strain e_i = ρ_i(0)/ρ_i - 1 and the SPH derivative G, (2.10) and (2.11) become, with no
+approximation in the equations,
+
+    de/dt = G v,    dv/dt = (1/ρ0) G (c e) - d v + f.
+
+The energy E = Σ m v²/2 + Σ V c e²/2 changes by damping and force alone, as V_i G_ij is
+antisymmetric. In the scaled fields √m v and √(V c) e, whose squares it sums, the model is
+
+    u' = -D u + A p + √m f,    p' = -Aᵀ u,    A = diag(ρ0)^(-1/2) G diag(c)^(1/2).
+
+Explicit Euler takes both rates from the old state, as the paper's full SPH does; symplectic Euler
+drifts the strain before it kicks the velocity with it; leapfrog drifts half before and half after,
+and keeps second order. Kicks take damping exactly, for the force of a step that stands still.
+"""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from sphpod.full.sph import SOUND, State, fastest_change, sound_steps, wrap
+from sphpod.numerics.compiled import compiled
+from sphpod.numerics.course import POINTS, WEIGHTS, spans
+from sphpod.numerics.error import blocks
+from sphpod.numerics.propagator import TURN
+from sphpod.numerics.propagator import prepare as prepare_jumps
+from sphpod.scene.breakdown import RESOLVED, Breakdown
+from sphpod.scene.kernel import stencil_weights
+from sphpod.scene.scene import ABSENT, Scene, derivative_matrix, step_times
+from sphpod.scene.waves import fastest_wave, warn_of_step
+
+FIXED_STEP = ("explicit_euler", "symplectic_euler", "leapfrog")
+ADAPTIVE = ("rk45", "dop853")
+INTEGRATORS = (*FIXED_STEP, *ADAPTIVE, "exact")
+"""How the model is stepped; the adaptive ones are scipy's Runge-Kutta pairs."""
+
+NO_LISTS = np.zeros(0, np.uint64), np.zeros(0, np.uint64), ABSENT
+"""Stands for the neighbour lists that evenly spaced particles do not need."""
+
+VALUES_AT_ONCE = 2**20
+"""Values of a field between outputs that are looked at together, which bounds the memory."""
+
+FIELDS_AT_ONCE = 64
+"""Fields that are transformed together; few enough for the processor's cache."""
+
+Run = Callable[..., int]
+
+
+def strain(scene: Scene, density: np.ndarray) -> np.ndarray:
+    """Strain e = ρ0/ρ - 1 of densities (…, N)."""
+    return scene.density0() / density - 1
+
+
+def density(scene: Scene, strain: np.ndarray) -> np.ndarray:
+    """Density ρ = ρ0/(1 + e) of strains (…, N) [kg/m³]."""
+    return scene.density0() / (1 + strain)
+
+
+def energy_weights(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """√m and √(V c), shapes (N,): velocity and strain times these are the scaled fields."""
+    return np.sqrt(scene.density0() * scene.volumes), np.sqrt(scene.volumes * scene.modulus())
+
+
+def pull(scene: Scene, strain_rows: np.ndarray) -> np.ndarray:
+    """A p of scaled strains (…, N): the scaled velocity's rate of change [1/s times theirs]."""
+    mass, stiffness = energy_weights(scene)
+    return scene.derivative(strain_rows * (scene.modulus() / stiffness)) * mass / scene.density0()
+
+
+def stretch(scene: Scene, velocity_rows: np.ndarray) -> np.ndarray:
+    """-Aᵀ u of scaled velocities (…, N): the scaled strain's rate of change."""
+    mass, stiffness = energy_weights(scene)
+    return scene.derivative(velocity_rows / mass) * stiffness
+
+
+def operator(scene: Scene):
+    """[[-D, A], [-Aᵀ, 0]] of the scaled fields [1/s], a scipy.sparse matrix (2N, 2N)."""
+    from scipy.sparse import block_array, diags_array
+
+    mass, stiffness = energy_weights(scene)
+    gradient = derivative_matrix(scene)
+    damping = scene.damping_values()
+    decay = diags_array(-damping if damping.size else np.zeros(scene.particle_count))
+    pulls = (
+        diags_array(mass / scene.density0()) @ gradient @ diags_array(scene.modulus() / stiffness)
+    )
+    stretches = diags_array(stiffness) @ gradient @ diags_array(1 / mass)
+    return block_array([[decay, pulls], [stretches, None]]).tocsr()
+
+
+def solve(
+    scene: Scene,
+    integrator: str,
+    time_step: float | None = None,
+    tolerance: float = 1e-8,
+    start: State | None = None,
+) -> dict[str, np.ndarray]:
+    """Run the lifted full model and keep its fields at the times of the error integral.
+
+    Parameters
+    ----------
+    scene : Scene
+    integrator : {"explicit_euler", "symplectic_euler", "leapfrog", "rk45", "dop853", "exact"}
+    time_step : float, optional
+        Δt [s] of the first three, of which the error interval is a whole multiple; the scene's own
+        if not given.
+    tolerance : float
+        Relative tolerance of the adaptive ones.
+    start : (velocity, strain), optional
+        State at t = 0; the scene's own if not given.
+
+    Returns
+    -------
+    dict
+        t (times,) [s], x (N,) [m], velocity (times, N) [m/s], strain (times, N).
+
+    Raises
+    ------
+    ValueError
+        There is no such integrator, or the error interval is no multiple of the time step.
+    Breakdown
+        The solution became non-finite, or its Jacobian 1 + e stopped being positive.
+    """
+    shape = scene.error_times.size, scene.particle_count
+    velocity, strain = np.empty(shape), np.empty(shape)
+    if integrator in ("symplectic_euler", "leapfrog"):
+        warn_of_step(scene, integrator, time_step or scene.time_step)
+    failed = prepare(scene, integrator, time_step, tolerance, start)(velocity, strain)
+    if failed >= 0:
+        row, particle = divmod(failed, scene.particle_count)
+        model = f"the lifted full model ({integrator})"
+        raise Breakdown(scene.name, model, scene.error_times[row], particle)
+    return {
+        "t": scene.error_times,
+        "x": scene.positions,
+        "velocity": velocity,
+        "strain": strain,
+    }
+
+
+def prepare(
+    scene: Scene,
+    integrator: str,
+    time_step: float | None = None,
+    tolerance: float = 1e-8,
+    start: State | None = None,
+) -> Run:
+    """Everything that precedes the time loop, so that the loop can be timed alone.
+
+    Parameters are those of `solve`.
+
+    Returns
+    -------
+    callable
+        ``run(velocity, strain)`` fills two (times, N) arrays at the times of the error integral,
+        and returns -1; or, where a value is not finite or the Jacobian 1 + e not positive, the flat
+        index of the first broken particle in the row that was to be kept next, which then holds the
+        broken state. Between outputs fixed steps are looked at as often as `sph.fastest_change`
+        asks for (leapfrog's strain in the middle of its steps), and what is exact or adaptive at
+        times a `RESOLVED` part of the fastest wave's radian apart, unless energy excludes a fold.
+        With ``watch=False`` it looks for none, by which the cost of watching can be told.
+    """
+    begin = start or (scene.velocity0(), np.zeros(scene.particle_count))
+    if integrator in FIXED_STEP:
+        return _fixed_step(scene, integrator, time_step or scene.time_step, begin)
+    if integrator == "exact" and not np.isfinite(begin).all():
+        return _broken_from_start(begin)
+    if integrator in ADAPTIVE:
+        run = _adaptive(scene, integrator, tolerance, begin)
+        return _resolved(scene, integrator, tolerance, run)
+    if integrator == "exact":
+        run = (_fourier if is_uniform(scene) else _exponential)(scene, begin)
+        return _resolved(scene, integrator, tolerance, run)
+    raise ValueError(f"integrator = {integrator}: allowed are {', '.join(INTEGRATORS)}")
+
+
+def is_uniform(scene: Scene) -> bool:
+    """Whether spacing, density, modulus and damping are the same at all particles."""
+    fields = scene.density0(), scene.modulus(), scene.damping_values()
+    return scene.is_even and all(field.size == 0 or field.min() == field.max() for field in fields)
+
+
+# --- Fixed steps ----------------------------------------------------------------------------------
+
+
+def _fixed_step(scene, integrator, dt, begin):
+    stride = round(scene.error_interval / dt)
+    if stride < 1 or abs(stride * dt - scene.error_interval) > 1e-9 * scene.error_interval:
+        raise ValueError(
+            f"scene {scene.name}: time_step = {dt:g}: the error interval "
+            f"{scene.error_interval:g} must be a whole number of them"
+        )
+    steps = np.arange(scene.error_times.size) * stride
+    explicit = integrator == "explicit_euler"
+    density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
+    amplitude, profile = _kicks(scene, integrator, dt, steps[-1])
+    pace = fastest_change(scene, dt, np.abs(amplitude).max(initial=0.0))
+    # The stress c e is stepped, not the strain: a product less for each neighbour.
+    stiffness = dt * modulus
+    keep, gain = np.ones_like(density0), np.full_like(density0, dt)
+    if damping.size:
+        keep = 1 - dt * damping if explicit else np.exp(-dt * damping)
+        gain = gain if explicit else kick_time(damping, dt)
+    inertia, push = gain / density0, gain * profile if profile.size else ABSENT
+    weights, geometry = ABSENT, NO_LISTS
+    if scene.is_even:
+        weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+    else:
+        geometry = scene.neighbour_lists()
+    uniform = is_uniform(scene) and weights.size <= 2
+    even_push = push.size > 0 and push.min() == push.max()
+    if uniform:
+        # One coefficient for all particles goes into the weights, the force into one number.
+        weights = np.pad(weights, (0, 2 - weights.size))
+        drift, kick = stiffness[0] * weights, inertia[0] * weights
+        if even_push:
+            amplitude, push = push[0] * amplitude, ABSENT
+        coefficients = keep[:1], ABSENT, ABSENT
+    else:
+        drift = kick = weights
+        coefficients = (keep if damping.size else keep[:1]), stiffness, inertia
+    compliance = 1 / modulus
+    velocity0, stress0 = (
+        np.pad(field, weights.size, mode="wrap") for field in (begin[0], modulus * begin[1])
+    )
+    half = integrator == "leapfrog"
+    calm = strain_bound(scene, integrator, dt, begin) < 0.99
+
+    def run(velocity, strain, watch=True):
+        state = np.zeros((4, velocity0.size))
+        state[0], state[2] = velocity0, stress0
+        return march(
+            state, drift, kick, geometry, coefficients, amplitude, push, compliance, explicit, half,
+            steps, watch and not calm, pace, velocity, strain,
+        )  # fmt: skip
+
+    return run
+
+
+def _kicks(scene, integrator, dt, steps):
+    """Force of each step as `Scene.force_values`; leapfrog kicks in the middle of its steps."""
+    if scene.force_time is None:
+        return ABSENT, ABSENT
+    halves = 2 * np.arange(steps) + (integrator == "leapfrog")
+    return scene.force_values(step_times(dt, halves, 2))
+
+
+def strain_bound(scene: Scene, integrator: str, time_step: float, begin: State) -> float:
+    """What no strain exceeds at any step of a run, by its energy; infinite if that tells nothing.
+
+    In the norm |(u, p)| of the scaled fields a step of explicit Euler without a force is at most
+    √(1 + z² + zδ) with z = Δt ω of the fastest wave and δ = Δt d ≤ 2 of the largest damping.
+    Symplectic Euler and leapfrog keep or lose the energies H of `sphpod.full.energy`, which with
+    ρ = z/2 < 1 lie between (1 - ρ) |(u, p)|² and (1 + ρ) w |(u, p)|², w the largest x coth x. A
+    force adds at most Δt |f| |√m| to the norm in a step, and (1 - ρ²)^(-1/2) times that to √H. A
+    strain is at most |p| over the smallest √(V c).
+
+    Parameters
+    ----------
+    scene : Scene
+    integrator : {"explicit_euler", "symplectic_euler", "leapfrog"}
+    time_step : float
+        Δt [s].
+    begin : (velocity, strain)
+        State at t = 0.
+    """
+    mass, stiffness = energy_weights(scene)
+    steps = round(scene.duration / time_step)
+    z = time_step * fastest_wave(scene)
+    amplitude, profile = _kicks(scene, integrator, time_step, steps)
+    damping = scene.damping_values().max(initial=0.0) * time_step
+    with np.errstate(invalid="ignore", over="ignore"):
+        size = np.sqrt(np.sum((mass * begin[0]) ** 2) + np.sum((stiffness * begin[1]) ** 2))
+        push = time_step * np.abs(amplitude).sum() * np.linalg.norm(mass[: profile.size] * profile)
+        if integrator == "explicit_euler":
+            growth = (1 + z**2 + z * damping) ** (steps / 2) if damping <= 2 else np.inf
+            norm = growth * (size + push)
+        elif z < 2:
+            rho, half = z / 2, damping / 2
+            weight = half / np.tanh(half) if half > 0 else 1.0
+            root = np.sqrt((1 + rho) * weight) * size + push / np.sqrt(1 - rho**2)
+            norm = root / np.sqrt(1 - rho)
+        else:
+            norm = np.inf
+        bound = norm / stiffness.min()
+    return float(bound) if bound < np.inf else np.inf
+
+
+def kick_time(damping, dt):
+    """(1 - exp(-d Δt))/d, the time that a constant force acts through while it is damped [s]."""
+    return np.where(damping > 0, -np.expm1(-damping * dt) / np.where(damping > 0, damping, 1), dt)
+
+
+@compiled
+def advance_uniform(old, field, weights, keep, push, new):
+    """new = keep old + push + G field, for one coefficient and two neighbours on each side."""
+    w1, w2 = weights[0], weights[1]
+    for i in range(old.size - 4):
+        rate = w1 * (field[i + 3] - field[i + 1]) + w2 * (field[i + 4] - field[i])
+        new[i + 2] = keep * old[i + 2] + push + rate
+
+
+@compiled
+def advance_two(old, field, weights, factor, new):
+    """new = old + factor G field, for two neighbours on each side."""
+    w1, w2 = weights[0], weights[1]
+    for i in range(old.size - 4):
+        rate = w1 * (field[i + 3] - field[i + 1]) + w2 * (field[i + 4] - field[i])
+        new[i + 2] = old[i + 2] + factor[i] * rate
+
+
+@compiled
+def advance_any(old, field, weights, factor, new):
+    """As advance_two, for any number of neighbours, whose loop is outside that of particles."""
+    width = weights.size
+    for i in range(factor.size):
+        new[i + width] = 0.0
+    for k in range(width):
+        for i in range(factor.size):
+            right, left = i + width + k + 1, i + width - k - 1
+            new[i + width] += weights[k] * (field[right] - field[left])
+    for i in range(factor.size):
+        new[i + width] = old[i + width] + factor[i] * new[i + width]
+
+
+@compiled
+def advance_lists(old, field, geometry, factor, new):
+    """As advance_two, for particles that each have their own list of neighbours."""
+    first, neighbours, gradients = geometry
+    for i in range(factor.size):
+        rate = 0.0
+        for n in range(first[i], first[i + 1]):
+            rate += gradients[n] * field[neighbours[n]]
+        new[i] = old[i] + factor[i] * rate
+
+
+@compiled
+def act(v, new_v, keep, push, amplitude, step):
+    """Damping and force of one step where they vary in space; fields are without ghosts."""
+    if keep.size > 1:
+        for i in range(keep.size):
+            new_v[i] -= (1 - keep[i]) * v[i]
+    if push.size:
+        now = amplitude[step]
+        for i in range(push.size):
+            new_v[i] += now * push[i]
+
+
+@compiled
+def show(v, stress, compliance, watch, velocity, strain):
+    """Copy fields without ghosts into a row of what is kept; first broken value, or -1.
+
+    A strain between -1 and 1 is sound: one comparison a particle, which is usually enough. Zero
+    times a velocity that is not finite is not finite either.
+    """
+    if not watch:
+        for i in range(compliance.size):
+            velocity[i] = v[i]
+            strain[i] = compliance[i] * stress[i]
+        return -1
+    doubts = 0
+    for i in range(compliance.size):
+        e = compliance[i] * stress[i]
+        velocity[i] = v[i]
+        strain[i] = e
+        doubts += not abs(e + 0.0 * v[i]) < 1
+    return first_broken(velocity, strain) if doubts else -1
+
+
+@compiled
+def look(v, stress, compliance, pace):
+    """Steps in which no strain reaches one, as from `sound_steps`; 0 if the state is broken."""
+    strained, fast, doubts = 0.0, 0.0, 0
+    for i in range(compliance.size):
+        size, speed = abs(compliance[i] * stress[i]), abs(v[i])
+        strained, fast = max(strained, size), max(fast, speed)
+        doubts += not size + 0.0 * speed < SOUND
+    if doubts:
+        for i in range(compliance.size):
+            e = compliance[i] * stress[i]
+            if not (e > -1 and e < np.inf and abs(v[i]) < np.inf):
+                return 0
+        return 1
+    return sound_steps(max(strained, pace[1] * fast), pace)
+
+
+@compiled
+def first_broken(velocity, strain):
+    """First value without finite state and positive 1 + e, or -1; of flat fields."""
+    for i in range(strain.size):
+        if not (strain[i] > -1 and strain[i] < np.inf and abs(velocity[i]) < np.inf):
+            return i
+    return -1
+
+
+@compiled
+def doubtful(velocity, strain):
+    """How many values of flat fields fail the test of `show`, which all broken ones do."""
+    count = 0
+    for i in range(strain.size):
+        count += not abs(strain[i] + 0.0 * velocity[i]) < 1
+    return count
+
+
+@compiled
+def march(
+    state, drift, kick, geometry, coefficients, amplitude, push, compliance, explicit, half, steps,
+    watch, pace, velocity, strain,
+):  # fmt: skip
+    """``state`` holds velocity and stress, old and new, with ghosts.
+
+    The kernels are chosen here, at every call: chosen in a function of its own, they would be
+    compiled without vectors, three times slower.
+    """
+    v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
+    keep, stiffness, inertia = coefficients
+    width = drift.size
+    inner = slice(width, width + compliance.size)
+    uniform = stiffness.size == 0
+    even_keep, even_push = (keep[0] if uniform else 1.0), 0.0
+    next_look = 1 if watch else np.iinfo(np.int64).max
+    done = 0
+    for row in range(steps.size):
+        for step in range(done, steps[row]):
+            if uniform:
+                advance_uniform(stress, v, drift, 1.0, 0.0, new_stress)
+            elif width == 2:
+                advance_two(stress, v, drift, stiffness, new_stress)
+            elif width:
+                advance_any(stress, v, drift, stiffness, new_stress)
+            else:
+                advance_lists(stress, v, geometry, stiffness, new_stress)
+            wrap(new_stress, width)
+            if half and step == 0:
+                # Leapfrog begins with half a drift; all later ones are whole.
+                for i in range(stress.size):
+                    new_stress[i] = 0.5 * (stress[i] + new_stress[i])
+            pulling = stress if explicit else new_stress
+            if uniform:
+                if amplitude.size and not push.size:
+                    even_push = amplitude[step]
+                advance_uniform(v, pulling, kick, even_keep, even_push, new_v)
+            elif width == 2:
+                advance_two(v, pulling, kick, inertia, new_v)
+            elif width:
+                advance_any(v, pulling, kick, inertia, new_v)
+            else:
+                advance_lists(v, pulling, geometry, inertia, new_v)
+            if keep.size > 1 or push.size:
+                act(v[inner], new_v[inner], keep, push, amplitude, step)
+            wrap(new_v, width)
+            v, new_v = new_v, v
+            stress, new_stress = new_stress, stress
+            if step + 1 >= next_look:
+                sound = look(v[inner], stress[inner], compliance, pace)
+                if not sound:
+                    failed = show(
+                        v[inner], stress[inner], compliance, watch, velocity[row], strain[row]
+                    )
+                    return row * compliance.size + failed
+                next_look = step + 1 + sound
+        done = steps[row]
+        shown = stress
+        if half and done:
+            # The strain is half a drift behind, which half of the next one shows.
+            if uniform:
+                advance_uniform(stress, v, drift, 1.0, 0.0, new_stress)
+            elif width == 2:
+                advance_two(stress, v, drift, stiffness, new_stress)
+            elif width:
+                advance_any(stress, v, drift, stiffness, new_stress)
+            else:
+                advance_lists(stress, v, geometry, stiffness, new_stress)
+            for i in range(stress.size):
+                new_stress[i] = 0.5 * (stress[i] + new_stress[i])
+            shown = new_stress
+        failed = show(v[inner], shown[inner], compliance, watch, velocity[row], strain[row])
+        if failed >= 0:
+            return row * compliance.size + failed
+    return -1
+
+
+def _watched(velocity, strain):
+    """Flat index of the first broken value of rows that lie behind one another, or -1."""
+    flat = velocity.reshape(-1), strain.reshape(-1)
+    return first_broken(*flat) if doubtful(*flat) else -1
+
+
+def _broken_from_start(begin):
+    """Where nothing follows from the start, which alone tells what particle is broken."""
+
+    def run(velocity, strain, watch=True):
+        velocity[:], strain[:] = np.nan, np.nan
+        velocity[0], strain[0] = begin
+        return _watched(velocity, strain) if watch else -1
+
+    return run
+
+
+def _resolved(scene, integrator, tolerance, run):
+    """A run that looks for a fold between outputs too, where they do not resolve the waves.
+
+    Intervals between outputs are solved anew, with outputs within them, unless energy excludes a
+    fold: nothing but a force raises it, and a strain is at most its norm over the least √(V c).
+    """
+    count, interval = scene.particle_count, scene.error_interval
+    parts = int(np.ceil(fastest_wave(scene) * interval / RESOLVED))
+    if parts <= 1:
+        return run
+    most = _most_strain(scene)
+    at_once = max(1, VALUES_AT_ONCE // (parts * count))
+    # Of an interval that is long beside the waves, parts are solved a few at a time.
+    parts_at_once = min(at_once * parts, max(1, VALUES_AT_ONCE // count))
+
+    def look_within(row, end, state):
+        """First part from a row to another in which a particle is broken, and its fields there."""
+        for first in range(0, (end - row) * parts, parts_at_once):
+            steps = min(parts_at_once, (end - row) * parts - first)
+            begun = scene.error_times[row] + first * interval / parts
+            within = replace(
+                scene,
+                duration=steps * interval / parts,
+                error_interval=interval / parts,
+                time_step=interval / parts,
+                force_time=scene.force_time and scene.force_time.shifted(begun),
+            )
+            fields = np.empty((2, steps + 1, count))
+            found = prepare(within, integrator, tolerance=tolerance, start=state)(*fields)
+            # The end is an output, in which the run itself sees what is broken.
+            if found >= 0 and first + found // count < (end - row) * parts:
+                return first + found // count, found % count, fields[:, found // count]
+            state = tuple(fields[:, -1])
+        return None
+
+    def run_and_look(velocity, strain, watch=True):
+        failed = run(velocity, strain, watch)
+        if not watch:
+            return failed
+        row, last = 0, len(velocity) - 1 if failed < 0 else failed // count
+        while row < last:
+            rows = slice(row, min(row + at_once, last))
+            doubts = most(velocity[rows], strain[rows], rows) >= 0.99
+            if not doubts.any():
+                row += doubts.size
+                continue
+            row, end = row + int(doubts.argmax()), row + doubts.size
+            broken = look_within(row, end, (velocity[row], strain[row]))
+            if broken is not None:
+                part, particle, fields = broken
+                row += -(-part // parts)
+                velocity[row], strain[row] = fields
+                return row * count + particle
+            row = end
+        return failed
+
+    return run_and_look
+
+
+def _most_strain(scene):
+    """What no strain exceeds until the next output: ``most(velocity, strain, rows)``, (rows,).
+
+    Nothing but a force raises the energy, and a strain is at most its norm over the least √(V c).
+    On a uniform line the energy of every wave is kept apart, and the strain is at most the sum of
+    the waves' amplitudes; a translation strains nothing.
+    """
+    mass, stiffness = energy_weights(scene)
+    _, profile = scene.force_values(np.zeros(1))
+    pushed = np.zeros(scene.error_times.size - 1)
+    if is_uniform(scene):
+        speed = np.sqrt(scene.modulus()[0] / scene.density0()[0])
+        reach = _amplitudes(profile)[..., 1:].sum() / speed if profile.size else 0.0
+
+        def most(velocity, strain, rows):
+            moving = _amplitudes(velocity) / speed
+            moving[:, 0] = 0
+            return np.hypot(moving, _amplitudes(strain)).sum(axis=1) + pushed[rows]
+    else:
+        reach = np.linalg.norm(mass * profile) / stiffness.min() if profile.size else 0.0
+
+        def most(velocity, strain, rows):
+            squares = np.sum((mass * velocity) ** 2, axis=1)
+            squares += np.sum((stiffness * strain) ** 2, axis=1)
+            return np.sqrt(squares) / stiffness.min() + pushed[rows]
+
+    if reach > 0:
+        pushed = sum(np.diff(course.impulse(scene.error_times)) for course in scene.courses())
+        pushed = pushed * reach
+    return most
+
+
+def _amplitudes(fields):
+    """Amplitudes of the waves of fields (…, N), the mean and those from long to short."""
+    count = fields.shape[-1]
+    sizes = np.abs(np.fft.rfft(fields)) * (2 / count)
+    sizes[..., 0] /= 2
+    if count % 2 == 0:
+        sizes[..., -1] /= 2
+    return sizes
+
+
+# --- Adaptive steps -------------------------------------------------------------------------------
+
+
+def rates(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
+    """Right-hand side of the model as scipy's solvers take it.
+
+    Returns
+    -------
+    callable
+        ``rate(t, state)``: rates of change of velocity and strain, one behind the other, (2N,).
+    """
+    count = scene.particle_count
+    inertia, modulus = 1 / scene.density0(), scene.modulus()
+    damping = scene.damping_values()
+    course, (_, profile) = scene.force_time, scene.force_values(np.zeros(1))
+    if scene.is_even:
+        weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+        fields = np.empty((2, count + 2 * weights.size))
+    else:
+        scales = np.concatenate(energy_weights(scene))
+        matrix = operator(scene).multiply(scales / scales[:, None]).tocsr()
+
+    def rate(t, state):
+        push = ABSENT if course is None else course(t=np.array([t]))[0] * profile
+        if not scene.is_even:
+            result = matrix @ state
+            result[: push.size] += push
+            return result
+        result = np.empty_like(state)
+        rates_of(state, fields, weights, inertia, modulus, damping, push, result)
+        return result
+
+    return rate
+
+
+def _adaptive(scene, integrator, tolerance, begin):
+    from scipy.integrate import solve_ivp
+
+    count, times = scene.particle_count, scene.error_times
+    start = np.concatenate(begin)
+    # Strain and velocity over the speed of sound are alike in size.
+    speed = np.sqrt(scene.modulus() / scene.density0())
+    courses, (_, profile) = scene.courses(), scene.force_values(times[:1])
+    pushed = sum(course.total for course in courses) * np.abs(profile).max(initial=0)
+    size = np.abs(start * np.concatenate([np.ones(count), speed])).max() + pushed or 1.0
+    absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
+    rate = rates(scene)
+    # No step is longer than a force is a polynomial, so that none steps over a pulse.
+    parts = spans(courses, times[-1])
+    options = {"method": integrator.upper(), "rtol": max(tolerance, 3e-14), "atol": absolute}
+
+    def run(velocity, strain, watch=True):
+        if not np.isfinite(rate(0.0, start)).all():
+            # From here scipy would look for a first step without end.
+            return _broken_from_start(begin)(velocity, strain, watch)
+        velocity[:], strain[:] = np.nan, np.nan
+        velocity[0], strain[0] = begin
+        state = start
+        for part in parts:
+            if not np.isfinite(rate(part.inner[0], state)).all():
+                break
+            rows = np.flatnonzero((times > part.first) & (times <= part.last))
+            result = solve_ivp(
+                partial(_within, rate, part.inner) if courses else rate,
+                (part.first, part.last),
+                state,
+                t_eval=np.union1d(times[rows], part.last),
+                max_step=part.shortest,
+                **options,
+            )
+            # Of a span that fails at once scipy returns an empty list.
+            states = np.reshape(result.y, (start.size, -1)).T
+            rows = rows[: len(states)]
+            velocity[rows], strain[rows] = np.split(states[: rows.size], 2, axis=1)
+            if not result.success:
+                break
+            state = states[-1]
+        return _watched(velocity, strain) if watch else -1
+
+    return run
+
+
+def _within(rate, inner, t, state):
+    """The rate at the nearest time at which the force is that of the whole span."""
+    return rate(min(max(t, inner[0]), inner[1]), state)
+
+
+@compiled
+def rates_of(state, fields, weights, inertia, modulus, damping, push, rates):
+    """Rates of change of velocity and strain, one behind the other in ``state``."""
+    width, count = weights.size, inertia.size
+    v, stress = fields[0], fields[1]
+    for i in range(count):
+        v[i + width] = state[i]
+        stress[i + width] = modulus[i] * state[i + count]
+    wrap(v, width)
+    wrap(stress, width)
+    rates[:] = 0.0
+    for k in range(width):
+        for i in range(count):
+            right, left = i + width + k + 1, i + width - k - 1
+            rates[i] += weights[k] * (stress[right] - stress[left])
+            rates[i + count] += weights[k] * (v[right] - v[left])
+    for i in range(count):
+        rates[i] *= inertia[i]
+    for i in range(damping.size):
+        rates[i] -= damping[i] * state[i]
+    for i in range(push.size):
+        rates[i] += push[i]
+
+
+# --- Exact in time --------------------------------------------------------------------------------
+
+
+def _fourier(scene, begin):
+    """Every Fourier mode of a uniform line is a damped oscillator, carried by jumps."""
+    count, times = scene.particle_count, scene.error_times
+    density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
+    weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
+    modes = count // 2 + 1
+    angle = 2 * np.pi * np.arange(modes) / count
+    # Of the derivative of a wave exp(iθx/Δx), i times this; 0 for the sawtooth, up to rounding.
+    symbol = 2 * np.sin(np.outer(angle, np.arange(1, weights.size + 1))) @ weights
+    if count % 2 == 0:
+        symbol[-1] = 0.0
+    speed = np.sqrt(modulus[0] / density0[0])
+    pairs = np.zeros((2 * modes, 2, 2))
+    # v̂ and q̂ = i (c/ρ0)^(1/2) ê: v̂' = -d v̂ + ω q̂, q̂' = -ω v̂, real and imaginary parts alike.
+    pairs[:, 0, 1] = np.repeat(speed * symbol, 2)
+    pairs[:, 1, 0] = -pairs[:, 0, 1]
+    pairs[:, 0, 0] = -damping[0] if damping.size else 0.0
+    _, profile = scene.force_values(times[:1])
+    force = np.zeros((2 * modes, 2))
+    if profile.size:
+        spectrum = np.fft.rfft(profile)
+        spectrum[np.abs(spectrum) <= 1e-15 * np.abs(spectrum).max()] = 0
+        force[:, 0] = spectrum.view(float)
+
+    jumps = prepare_jumps(pairs, 0, force[None], scene.error_interval, times.size, scene.courses())
+    start = [np.fft.rfft(field).view(float) for field in (begin[0], begin[1])]
+    # q̂ = i s ê, s the speed of waves.
+    strained = speed * np.stack([-start[1][1::2], start[1][::2]], axis=1).ravel()
+    # All the energy that waves without a force will ever have bounds every strain; mean velocity
+    # strains nothing.
+    waves = 2 * (np.sum(start[0][2:] ** 2) + np.sum(strained**2)) / count
+    calm = waves < 0.99 * speed**2 and not force[2:].any()
+    state = np.zeros((4 * modes, times.size))
+    first, second = state[: 2 * modes], state[2 * modes :]
+
+    def run(velocity, strain, watch=True):
+        first[:, 0], second[:, 0] = start[0], strained
+        jumps.run(state)
+        watched = watch and not (calm and np.isfinite(first[0]).all())
+        for rows in blocks(times.size, FIELDS_AT_ONCE):
+            velocity[rows] = np.fft.irfft(first[::2, rows].T + 1j * first[1::2, rows].T, count)
+            shown = (second[1::2, rows].T - 1j * second[::2, rows].T) / speed
+            strain[rows] = np.fft.irfft(shown, count)
+            failed = _watched(velocity[rows], strain[rows]) if watched else -1
+            if failed >= 0:
+                return rows.start * count + failed
+        return -1
+
+    return run
+
+
+def _exponential(scene, begin):
+    """Products with the exponential of the sparse operator, from output to output."""
+    from scipy.sparse.linalg import expm_multiply
+
+    count, interval, times = scene.particle_count, scene.error_interval, scene.error_times
+    matrix, scales = operator(scene), np.concatenate(energy_weights(scene))
+    start = scales * np.concatenate(begin)
+    courses, (_, profile) = scene.courses(), scene.force_values(times[:1])
+    trace = float(matrix.trace())
+    # Parts of an interval short enough for the response to be a polynomial on each.
+    cells = max(1, int(np.ceil(abs(matrix).sum(axis=0).max() * interval / TURN)))
+    short = interval / cells
+    if courses:
+        shape = scales * np.concatenate([profile, np.zeros(count)])
+        responses = np.stack(
+            [
+                short / 2 * w * expm_multiply(matrix * (short * (1 - c) / 2), shape)
+                for c, w in zip(POINTS, WEIGHTS, strict=True)
+            ]
+        )
+        first = np.arange(cells * (times.size - 1))
+        forces = [course.projected(first * short, (first + 1) * short) for course in courses]
+        values = sum(forces).reshape(times.size - 1, cells, POINTS.size)
+
+    def pushes():
+        """What the force adds from output to output, (outputs - 1, 2N)."""
+        added = values[:, 0] @ responses
+        for cell in range(1, cells):
+            carried = expm_multiply(matrix * short, added.T, traceA=trace * short)
+            added = carried.T + values[:, cell] @ responses
+        return added
+
+    def run(velocity, strain, watch=True):
+        if not courses:
+            states = expm_multiply(matrix, start, 0, times[-1], times.size, True, trace) / scales
+            velocity[:], strain[:] = states[:, :count], states[:, count:]
+            return _watched(velocity, strain) if watch else -1
+        state, jump, added = start, matrix * interval, pushes()
+        for row in range(times.size):
+            velocity[row], strain[row] = np.split(state / scales, 2)
+            if row < len(added):
+                state = expm_multiply(jump, state, traceA=trace * interval) + added[row]
+        return _watched(velocity, strain) if watch else -1
+
+    return run

@@ -1,0 +1,1 @@
+"""Numerics that know of no scene: compiled kernels, expressions, propagators, error norms."""

@@ -1,0 +1,1 @@
+"""What the paper shows and claims, beside what is found here."""

@@ -1,0 +1,1 @@
+"""What jobs of the workflow read, write, log and depend on."""

@@ -1,0 +1,88 @@
+"""What a job of the workflow was given: its rule, inputs and parameters, kept with its results.
+
+Snakemake makes a result anew once its parameters or the set of its inputs have changed, but what
+they were it keeps in a folder of its own, ``.snakemake``. A dataset holds the same at its end, and
+the log of any job in a line; so results that have lost that folder are judged alike. Paths are told
+relative to the folder that result and log have in common, so that results are the same wherever
+they are made.
+"""
+
+import hashlib
+import json
+import logging
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from sphpod.pipeline import dataset, log
+
+CHECKSUM_LIMIT = 1_000_000
+"""Inputs that are larger have no checksum: bytes, the value that Snakemake takes by default."""
+
+_LINE = f"INFO {__name__}: "
+
+
+def start(snakemake: Any) -> dict[str, Any]:
+    """Begin the log of a job with what it was given, and return that: plain JSON types.
+
+    Parameters
+    ----------
+    snakemake
+        The object of that name in the scripts of Snakemake.
+
+    Raises
+    ------
+    ValueError
+        For an input that is not what its rule wrote.
+    """
+    log.start(snakemake.log[0])
+    root = os.path.commonpath([*snakemake.output, *snakemake.log])
+
+    def relative(paths: Iterable[str]) -> list[str]:
+        return sorted(os.path.relpath(path, root) for path in paths)
+
+    inputs = sorted(set(snakemake.input))
+    for path in inputs:
+        given(path)
+    told = {
+        "rule": snakemake.rule,
+        "input": relative(snakemake.input),
+        "output": relative(snakemake.output),
+        "log": relative(snakemake.log),
+        "params": sorted(map(repr, snakemake.params)),
+        "checksums": {
+            os.path.relpath(path, root): hashlib.sha256(Path(path).read_bytes()).hexdigest()
+            for path in inputs
+            if os.path.getsize(path) <= CHECKSUM_LIMIT
+        },
+    }
+    logging.getLogger(__name__).info(json.dumps(told))
+    return told
+
+
+def given(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """What the job that wrote a dataset was given; None where the file does not tell.
+
+    Raises
+    ------
+    ValueError
+        For a file that is no dataset, or one that was written to another place.
+    """
+    told = dataset.job(path)
+    if told and not _is_one_of(path, told["output"]):
+        raise ValueError(dataset.foreign(path))
+    return told
+
+
+def given_in_log(path: str | os.PathLike[str]) -> dict[str, Any] | None:
+    """The same of the job that wrote a log; None where it does not tell, or is another job's."""
+    with open(path, encoding="utf-8", errors="replace") as file:
+        lines = (line.removeprefix(_LINE) for line in file if line.startswith(_LINE))
+        told = json.loads(next(lines, "null"))
+    return told if told and _is_one_of(path, told["log"]) else None
+
+
+def _is_one_of(path: str | os.PathLike[str], relative: Iterable[str]) -> bool:
+    parts = Path(os.path.abspath(path)).parts
+    return any(parts[-len(tail) :] == tail for tail in (Path(own).parts for own in relative))

@@ -1,0 +1,1 @@
+"""From snapshots to modes, reduced models, error bounds and certified models."""

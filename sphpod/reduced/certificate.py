@@ -1,0 +1,237 @@
+"""Lifted reduced models beside their full model: errors, their bounds, and models by tolerance.
+
+The bounds are those of `sphpod.reduced.error_bound`, which knows nothing of the full model's
+solution.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sphpod.full import lifted
+from sphpod.numerics.error import blocks, share
+from sphpod.reduced import lifted_rom
+from sphpod.reduced.error_bound import FullModel, error_bounds
+from sphpod.scene.breakdown import Breakdown
+from sphpod.scene.scene import Scene
+
+
+def certify(
+    scene: Scene,
+    mode_counts: Iterable[int],
+    modes: Mapping[str, np.ndarray],
+    full: Mapping[str, np.ndarray],
+    reference: Mapping[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Errors of ``lifted_exact`` beside their bounds; its coordinates for a single mode count.
+
+    Parameters
+    ----------
+    scene : Scene
+    mode_counts : ints
+        Velocity modes, or all there are.
+    modes : dict
+        As from `lifted_rom.decompose`.
+    full : dict
+        velocity and strain (times, N) of the lifted full model, exact in time.
+    reference : dict
+        velocity and density (times, N).
+
+    Returns
+    -------
+    dict
+        mode_count; velocity_error_reference, density_error_reference; against the lifted full
+        model velocity_error_lifted, strain_error_lifted, relative in the norms of kinetic and of
+        elastic energy over all times; and of the largest energy norm over time: the largest error
+        energy_error_lifted, its bound energy_error_bound, the bound residual_bound of the residual
+        alone, and difference_from_best, how far the model is from the one with all modes of the
+        snapshots, and bound_slack, the smallest difference of bound and error over time;
+        breakdown_time; modes_resolved, as from `lifted_rom.modes_resolved`. For a single count also
+        t, scaled_velocity_coordinates, scaled_strain_coordinates and error_bound (times,).
+
+    Raises
+    ------
+    Breakdown
+        The model for a single mode count broke down; in a sweep, its errors are infinite.
+    """
+    counts = list(mode_counts)
+    arrays = lifted_rom.no_errors(counts, "reference")
+    names = (
+        "velocity_error_lifted", "strain_error_lifted", "energy_error_lifted", "energy_error_bound",
+        "residual_bound", "difference_from_best",
+    )  # fmt: skip
+    arrays |= {name: np.full(len(counts), np.inf) for name in names}
+    arrays["bound_slack"] = np.full(len(counts), np.nan)
+    arrays["modes_resolved"] = lifted_rom.modes_resolved(modes, counts)
+    scales = lifted.energy_weights(scene)
+    velocity, strain = (
+        Seen.of(full[field], scale, modes[f"scaled_{field}_modes"][: max(counts)])
+        for field, scale in zip(("velocity", "strain"), scales, strict=True)
+    )
+    norms = np.sqrt(velocity.total + strain.total)
+    best, operators = Best.of(scene, modes), FullModel.of(scene)
+    for n, count in enumerate(counts):
+        model = lifted_rom.build(scene, modes, count)
+        prepared = model.prepare("lifted_exact")
+        try:
+            state = prepared.solve()
+        except Breakdown as breakdown:
+            if len(counts) == 1:
+                raise
+            arrays["breakdown_time"][n] = breakdown.time
+            continue
+        for field, error in lifted_rom.field_errors(prepared, state, reference).items():
+            arrays[f"{field}_error_reference"][n] = error
+        a, b = model.coordinates(state)
+        squares = velocity.squares(a), strain.squares(b)
+        for name, seen, square in zip(names, (velocity, strain), squares, strict=False):
+            arrays[name][n] = share(np.sqrt(square.sum()), np.sqrt(seen.total.sum()))
+        error = np.sqrt(squares[0] + squares[1])
+        bound, plain = error_bounds(prepared, state, operators)
+        arrays["energy_error_lifted"][n] = share(error.max(), norms.max())
+        arrays["energy_error_bound"][n] = share(bound.max(), norms.max())
+        arrays["residual_bound"][n] = share(plain.max(), norms.max())
+        arrays["difference_from_best"][n] = best.difference(a, b)
+        arrays["bound_slack"][n] = share((bound - error).min(), norms.max())
+        if len(counts) == 1:
+            arrays |= prepared.stored(state) | {"error_bound": bound}
+    return arrays
+
+
+def choose(
+    scene: Scene, tolerance: float, modes: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """The smallest ``lifted_exact`` model within a tolerance of the best that the snapshots give.
+
+    Both are held against the largest energy norm of the best model over time. Where the bound,
+    which knows of the full model too, is within the tolerance as well, the model is certified.
+
+    Parameters
+    ----------
+    scene : Scene
+    tolerance : float
+        Relative.
+    modes : dict
+        As from `lifted_rom.decompose`.
+
+    Returns
+    -------
+    dict
+        tolerance; mode_count, modes_resolved and best_mode_count; difference_from_best,
+        energy_error_bound, residual_bound, each relative; certified, 1 or 0; t,
+        scaled_velocity_coordinates, scaled_strain_coordinates, error_bound (times,).
+
+    Raises
+    ------
+    Breakdown
+        The best model broke down.
+    """
+    best = Best.of(scene, modes)
+    for count in range(1, best.count + 1):
+        prepared = lifted_rom.build(scene, modes, count).prepare("lifted_exact")
+        try:
+            state = prepared.solve()
+        except Breakdown:
+            continue
+        difference = best.difference(*prepared.model.coordinates(state))
+        if difference <= tolerance:
+            break
+    bound, plain = error_bounds(prepared, state)
+    relative = share(bound.max(), best.norm)
+    return {
+        "tolerance": np.array(tolerance),
+        "mode_count": np.array([count]),
+        "modes_resolved": lifted_rom.modes_resolved(modes, [count]),
+        "best_mode_count": np.array(best.count),
+        "difference_from_best": np.array([difference]),
+        "energy_error_bound": np.array([relative]),
+        "residual_bound": np.array([share(plain.max(), best.norm)]),
+        "certified": np.array(int(relative <= tolerance)),
+        **prepared.stored(state),
+        "error_bound": bound,
+    }
+
+
+def verdict(chosen: Mapping[str, np.ndarray]) -> str:
+    """What `choose` found, in words."""
+    bound, tolerance = chosen["energy_error_bound"][0], chosen["tolerance"]
+    relation = "within" if chosen["certified"] else "not within"
+    word = "certified" if chosen["certified"] else "not certified"
+    return (
+        f"{chosen['mode_count'][0]} modes are within {chosen['difference_from_best'][0]:.1e} of "
+        f"the best model; {word}: the bound {bound:.1e} is {relation} {tolerance:g}"
+    )
+
+
+@dataclass(frozen=True)
+class Best:
+    """The model with all modes that the snapshots give.
+
+    Attributes
+    ----------
+    velocity, strain : arrays, shapes (times, modes)
+        Its coordinates.
+    norm : float
+        Its largest energy norm over time.
+    """
+
+    velocity: np.ndarray
+    strain: np.ndarray
+    norm: float
+
+    @classmethod
+    def of(cls, scene: Scene, modes: Mapping[str, np.ndarray]) -> "Best":
+        model = lifted_rom.build(scene, modes)
+        state = model.prepare("lifted_exact").solve()
+        velocity, strain = model.coordinates(state)
+        squares = np.einsum("tm,tm->t", velocity, velocity) + np.einsum("tm,tm->t", strain, strain)
+        return cls(velocity, strain, float(np.sqrt(squares.max())))
+
+    @property
+    def count(self) -> int:
+        """Its velocity modes."""
+        return self.velocity.shape[1]
+
+    def difference(self, velocity: np.ndarray, strain: np.ndarray) -> float:
+        """Largest energy norm over time of what a smaller model lacks, of the largest norm."""
+        squares = np.zeros(len(velocity))
+        for mine, theirs in ((self.velocity, velocity), (self.strain, strain)):
+            rest = mine.copy()
+            rest[:, : theirs.shape[1]] -= theirs
+            squares += np.einsum("tm,tm->t", rest, rest)
+        return share(np.sqrt(squares.max()), self.norm)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A scaled field of the full model, seen from modes, at each time.
+
+    Attributes
+    ----------
+    coordinates : array, shape (times, modes)
+    outside, total : arrays, shape (times,)
+        Squares of what the modes leave of it, and of all of it.
+    """
+
+    coordinates: np.ndarray
+    outside: np.ndarray
+    total: np.ndarray
+
+    @classmethod
+    def of(cls, field: np.ndarray, scale: np.ndarray, modes: np.ndarray) -> "Seen":
+        coordinates = np.empty((len(field), len(modes)))
+        outside, total = np.empty((2, len(field)))
+        for rows in blocks(len(field)):
+            scaled = scale * field[rows]
+            coordinates[rows] = scaled @ modes.T
+            rest = scaled - coordinates[rows] @ modes
+            outside[rows] = np.einsum("tx,tx->t", rest, rest)
+            total[rows] = np.einsum("tx,tx->t", scaled, scaled)
+        return cls(coordinates, outside, total)
+
+    def squares(self, reduced: np.ndarray) -> np.ndarray:
+        """Squares of the error of reduced coordinates (times, k) in the first modes, (times,)."""
+        rest = self.coordinates.copy()
+        rest[:, : reduced.shape[1]] -= reduced
+        return np.einsum("tm,tm->t", rest, rest) + self.outside

@@ -1,0 +1,554 @@
+"""Lifted reduced models: SPH in velocity and strain, projected on modes of its energy.
+
+Snapshots are scaled to √m v and √(V c) e, so that orthonormal modes are orthonormal in the energy.
+Galerkin projection gives, for any modes Φ and Ψ and any number of them,
+
+    a' = -D a + B b + g f(t),    b' = -Bᵀ a,    B = Φᵀ A Ψ,    D = Φᵀ diag(d) Φ ⪰ 0,
+
+whose energy |a|² + |b|² nothing but damping and force changes: no choice of modes makes it grow.
+
+Translation carries the total momentum and strains nothing, but modes of plain snapshots mix it into
+waves, which a force then excites. It is a mode of its own wherever it takes part, the first.
+
+Nothing is stepped. Under uniform damping the singular values of B are the frequencies of normal
+modes, each a damped oscillator; otherwise the eigenvectors of the operator give such pairs, or, if
+they are ill-conditioned, the model is one block. `sphpod.numerics.propagator` carries them from
+output to output, exactly in time (``lifted_exact``) or as explicit Euler would go
+(``lifted_euler``).
+"""
+
+import logging
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from sphpod.full import lifted
+from sphpod.numerics import propagator
+from sphpod.numerics.error import FIELDS, blocks, share
+from sphpod.numerics.propagator import Jumps
+from sphpod.reduced.pod import Modes, checked, named, resolved
+from sphpod.reduced.pod import modes as proper_modes
+from sphpod.scene.breakdown import RESOLVED, Breakdown, first_broken
+from sphpod.scene.scene import Scene
+
+logger = logging.getLogger(__name__)
+
+METHODS = ("lifted_euler", "lifted_exact")
+
+ILL_CONDITIONED = 1e6
+"""Condition number of eigenvectors from which a model is carried as one block."""
+
+
+def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Energy-orthonormal modes of velocity and strain snapshots.
+
+    Parameters
+    ----------
+    scene : Scene
+    snapshots : dict
+        velocity_snapshots (n, N) [m/s]; density_snapshots (m, N) [kg/m³] or strain_snapshots; and
+        velocity_twins, density_twins of the same shapes, where there are (`rounding.twins`).
+
+    Returns
+    -------
+    dict
+        x (N,); scaled_velocity_modes, scaled_strain_modes (modes, N), of singular values that are
+        not zero; scaled_velocity_singular_values, scaled_strain_singular_values; how far rounding
+        turns them, scaled_velocity_mode_rounding, scaled_velocity_span_rounding and those of the
+        strain, as in `pod.Modes`; translation, 1 if the first velocity mode is the rigid
+        translation, else 0.
+
+    Raises
+    ------
+    ValueError
+        There is no snapshot, a value is not finite, a density not positive or a strain not above
+        -1; or nothing moves in the snapshots, of a scene that moves from the start.
+    """
+
+    def given(name, above):
+        return checked(f"scene {scene.name}: {name}", snapshots[name], above)
+
+    mass, stiffness = lifted.energy_weights(scene)
+    velocity = mass * given("velocity_snapshots", -np.inf)
+    if "strain_snapshots" in snapshots:
+        strain = given("strain_snapshots", -1)
+    else:
+        strain = lifted.strain(scene, given("density_snapshots", 0))
+    rigid = (mass / np.linalg.norm(mass))[None] if scene.translates else np.zeros((0, mass.size))
+    velocity_twins, strain_twins = None, None
+    if "velocity_twins" in snapshots:
+        velocity_twins = mass * given("velocity_twins", -np.inf)
+        velocity_twins = velocity_twins - velocity_twins @ rigid.T @ rigid
+    if "density_twins" in snapshots:
+        strain_twins = stiffness * lifted.strain(scene, given("density_twins", 0))
+    shares = velocity @ rigid.T
+    found = _modes(velocity - shares @ rigid, velocity_twins, np.linalg.norm(shares))
+    strain_found = _modes(stiffness * strain, strain_twins)
+    if not len(rigid) and not len(found.modes) and not np.any(scene.velocity0()):
+        # Any mode does for a scene at rest; this one does not strain evenly spaced particles.
+        found = Modes((mass / np.linalg.norm(mass))[None], *np.zeros((3, 1)))
+    velocity_modes = np.concatenate([rigid, found.modes])
+    if not len(velocity_modes):
+        raise ValueError(
+            f"scene {scene.name}: velocity_snapshots: all values are 0 and no translation takes "
+            "part: a model needs at least one velocity mode"
+        )
+    # Subtracted translation is orthogonal but for rounding, which modes of small values magnify.
+    if len(rigid):
+        columns, shares_left = np.linalg.qr(velocity_modes.T)
+        velocity_modes = (columns * np.sign(np.diag(shares_left))).T
+    # Nothing turns the translation, which is no mode of snapshots.
+    still = np.zeros(len(rigid))
+    velocity_found = Modes(
+        velocity_modes,
+        np.concatenate([np.linalg.norm(shares, axis=0), found.singular_values]),
+        np.concatenate([still, found.rounding]),
+        np.concatenate([still, found.span_rounding]),
+    )
+    return {
+        "x": scene.positions,
+        **named("scaled_velocity", velocity_found),
+        **named("scaled_strain", strain_found),
+        "translation": np.array(len(rigid)),
+    }
+
+
+def _modes(snapshots, twins, removed=0.0):
+    """Modes of singular values that are not zero, as a matrix's numerical rank counts them.
+
+    What was removed from the snapshots, of that size, has left its rounding errors in them.
+    """
+    found = proper_modes(snapshots, twins)
+    largest = found.singular_values[0]
+    zero = max(snapshots.shape) * np.finfo(float).eps * np.hypot(largest, removed)
+    rank = np.count_nonzero(found.singular_values > zero)
+    return Modes(*(array[:rank] for array in found))
+
+
+def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np.ndarray:
+    """Whether models with so many modes depend on them to more than rounding (`pod.resolved`).
+
+    Parameters are those of `build`; array, shape (counts,).
+    """
+    velocity = np.minimum(list(counts), len(modes["scaled_velocity_modes"]))
+    strain = velocity - int(modes["translation"])
+    return resolved(velocity, modes["scaled_velocity_span_rounding"]) & resolved(
+        strain, modes["scaled_strain_span_rounding"]
+    )
+
+
+def build(scene: Scene, modes: Mapping[str, np.ndarray], count: int | None = None) -> "LiftedModel":
+    """Model with so many velocity modes, and a strain mode for each wave.
+
+    Where the snapshots hold fewer, the model has all there are, and the log tells of it.
+
+    Parameters
+    ----------
+    scene : Scene
+    modes : dict
+        As from `decompose`.
+    count : int, optional
+        Velocity modes; all there are if not given.
+    """
+    velocity_modes = modes["scaled_velocity_modes"][:count]
+    rigid = int(modes["translation"])
+    strain_modes = modes["scaled_strain_modes"][: len(velocity_modes) - rigid]
+    if count is not None and min(len(velocity_modes), len(strain_modes) + rigid) < count:
+        logger.warning(
+            "scene %s: %d modes asked for, the snapshots hold %d of velocity and %d of strain",
+            scene.name, count, len(modes["scaled_velocity_modes"]),
+            len(modes["scaled_strain_modes"]),
+        )  # fmt: skip
+    return LiftedModel(scene, velocity_modes, strain_modes, rigid)
+
+
+@dataclass(frozen=True)
+class LiftedModel:
+    """A scene projected on modes of its energy.
+
+    Attributes
+    ----------
+    scene : Scene
+    velocity_modes, strain_modes : arrays, shapes (kv, N) and (ke, N)
+        Orthonormal modes of the scaled fields, one a row.
+    translation : int
+        1 if the first velocity mode is the rigid translation, else 0.
+    """
+
+    scene: Scene
+    velocity_modes: np.ndarray
+    strain_modes: np.ndarray
+    translation: int
+
+    @cached_property
+    def coupling(self) -> np.ndarray:
+        """B = Φᵀ A Ψ [1/s], shape (kv, ke)."""
+        return self.velocity_modes @ lifted.pull(self.scene, self.strain_modes).T
+
+    @cached_property
+    def damping(self) -> np.ndarray:
+        """D = Φᵀ diag(d) Φ [1/s], shape (kv, kv)."""
+        values = self.scene.damping_values()
+        if not values.size:
+            return np.zeros((len(self.velocity_modes),) * 2)
+        return (self.velocity_modes * values) @ self.velocity_modes.T
+
+    @cached_property
+    def force(self) -> np.ndarray:
+        """g = Φᵀ √m times the force's profile, shape (kv,); zero without a force."""
+        _, profile = self.scene.force_values(np.zeros(1))
+        if not profile.size:
+            return np.zeros(len(self.velocity_modes))
+        mass, _ = lifted.energy_weights(self.scene)
+        force = self.velocity_modes @ (mass * profile)
+        # A uniform force moves the translation alone; on the rest it is rounding.
+        return np.where(np.abs(force) > 1e-13 * np.linalg.norm(mass * profile), force, 0)
+
+    @property
+    def operator(self) -> np.ndarray:
+        """[[-D, B], [-Bᵀ, 0]] [1/s], shape (kv + ke, kv + ke)."""
+        none = np.zeros((len(self.strain_modes),) * 2)
+        return np.block([[-self.damping, self.coupling], [-self.coupling.T, none]])
+
+    @cached_property
+    def own(self) -> "OwnModes":
+        """The model in the modes of its operator."""
+        damping = self.scene.damping_values()
+        if damping.size and damping.min() < damping.max():
+            return _eigenmodes(self.operator)
+        uniform = float(damping[0]) if damping.size else 0.0
+        return _normal_modes(self.coupling, self.translation, uniform)
+
+    def prepare(self, method: str) -> "Prepared":
+        """All that precedes a run: own modes, jumps, and what the force adds.
+
+        Parameters
+        ----------
+        method : {"lifted_euler", "lifted_exact"}
+        """
+        scene, own = self.scene, self.own
+        euler_steps = {"lifted_euler": scene.error_stride, "lifted_exact": 0}[method]
+        kv = len(self.velocity_modes)
+        back = own.from_modes
+        jumps = propagator.prepare(
+            own.blocks,
+            own.singles,
+            own.in_blocks(back[:, :kv] @ self.force)[None],
+            scene.error_interval,
+            scene.error_times.size,
+            scene.courses(),
+            euler_steps,
+        )
+        mass, _ = lifted.energy_weights(scene)
+        start = back[:, :kv] @ (self.velocity_modes * mass)
+        return Prepared(self, method, jumps, start)
+
+    def coordinates(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates in the modes of velocity and strain, (times, kv) and (times, ke)."""
+        kv = len(self.velocity_modes)
+        both = state.T @ self.own.to_modes.T
+        return np.ascontiguousarray(both[:, :kv]), np.ascontiguousarray(both[:, kv:])
+
+    def breakdown(self, state: np.ndarray) -> Breakdown | None:
+        """How a solution broke down: not finite, or a Jacobian 1 + e that is not positive.
+
+        |e_i| is at most the length of the coordinates times that of the particle's entries in the
+        modes: a test that is usually enough, and sees no particle but once. J is reconstructed only
+        at the times at which the test fails.
+        """
+        scene, times = self.scene, self.scene.error_times
+        velocity, strain = self.coordinates(state)
+        model = f"the lifted model with {len(self.velocity_modes)} modes"
+        finite = np.isfinite(velocity).all(axis=1) & np.isfinite(strain).all(axis=1)
+        last = len(finite) if finite.all() else int(np.argmin(finite))
+        _, stiffness = lifted.energy_weights(scene)
+        shapes = self.strain_modes / stiffness
+        reach = np.linalg.norm(shapes, axis=0).max(initial=0)
+        with np.errstate(over="ignore"):
+            lengths = np.linalg.norm(strain[:last], axis=1)
+        row, particle = first_broken(-1, strain, shapes, np.flatnonzero(lengths * reach >= 1))
+        if row >= 0:
+            return Breakdown(scene.name, model, times[row], particle)
+        return None if finite.all() else Breakdown(scene.name, model, times[last], 0)
+
+    def breakdown_between(self, state: np.ndarray, method: str) -> Breakdown | None:
+        """How a solution that is sound at its outputs broke down between them.
+
+        If they do not resolve the fastest wave, the model runs again with more of them; unless
+        energy excludes a fold: |e_i| is at most the length of all coordinates times that of the
+        particle's entries in the modes, and that length grows by the force alone, in explicit
+        Euler also by √(1 + Δt² ω² + Δt² ω d) a step.
+        """
+        scene, interval = self.scene, self.scene.error_interval
+        if not self.coupling.size:
+            return None
+        fastest = float(np.linalg.norm(self.coupling, 2))
+        parts = int(np.ceil(fastest * interval / RESOLVED))
+        if parts <= 1 or (method == "lifted_euler" and scene.error_stride == 1):
+            return None
+        growth, step = 1.0, interval / parts
+        if method == "lifted_euler":
+            stride, step = scene.error_stride, scene.time_step
+            parts = next(n for n in range(min(parts, stride), stride + 1) if stride % n == 0)
+            damping = float(scene.damping_values().max(initial=0.0)) * step
+            z = fastest * step
+            growth = (1 + z**2 + z * damping) ** (stride / 2) if damping <= 2 else np.inf
+        velocity, strain = self.coordinates(state)
+        lengths = np.hypot(np.linalg.norm(velocity, axis=1), np.linalg.norm(strain, axis=1))
+        if scene.force_time is not None:
+            impulse = sum(course.impulse(scene.error_times) for course in scene.courses())
+            lengths[:-1] += np.linalg.norm(self.force) * np.diff(impulse)
+        _, stiffness = lifted.energy_weights(scene)
+        reach = np.linalg.norm(self.strain_modes / stiffness, axis=0).max()
+        if (growth * lengths[:-1] * reach < 0.99).all():
+            return None
+        finer = replace(self, scene=replace(scene, error_interval=interval / parts, time_step=step))
+        prepared = finer.prepare(method)
+        resolved = prepared.new_state()
+        prepared.run(scene.velocity0(), resolved)
+        return finer.breakdown(resolved)
+
+
+@dataclass(frozen=True)
+class OwnModes:
+    """A reduced operator that has fallen apart into blocks.
+
+    Attributes
+    ----------
+    blocks : array, shape (n, 2, 2) or (1, s, s)
+        As in `propagator.prepare` [1/s].
+    singles : int
+    to_modes : array, shape (kv + ke, coordinates)
+        Own coordinates to those in the modes of velocity and strain.
+    orthogonal : bool
+        Whether ``to_modes`` is, so that lengths are kept.
+    apart : bool
+        Whether the α are coordinates of the velocity alone and the β of the strain.
+    """
+
+    blocks: np.ndarray
+    singles: int
+    to_modes: np.ndarray
+    orthogonal: bool
+    apart: bool
+
+    @cached_property
+    def from_modes(self) -> np.ndarray:
+        """The inverse of ``to_modes``."""
+        return self.to_modes.T if self.orthogonal else np.linalg.inv(self.to_modes)
+
+    @cached_property
+    def members(self) -> list[np.ndarray]:
+        """Own coordinates of each block."""
+        if self.blocks.shape[-1] > 2:
+            return [np.arange(self.blocks.shape[-1])]
+        count = len(self.blocks)
+        pairs = [np.array([n, count + n]) for n in range(count - self.singles)]
+        return [*pairs, *(np.array([n]) for n in range(count - self.singles, count))]
+
+    @cached_property
+    def operator(self) -> np.ndarray:
+        """The reduced operator of the own coordinates [1/s], (coordinates, coordinates)."""
+        result = np.zeros((len(self.to_modes),) * 2)
+        for block, members in zip(self.blocks, self.members, strict=True):
+            result[np.ix_(members, members)] = block[: members.size, : members.size]
+        return result
+
+    def in_blocks(self, values: np.ndarray) -> np.ndarray:
+        """Own coordinates (coordinates,) as they stand in the blocks, (n, 2) or (1, s)."""
+        if self.blocks.shape[-1] > 2:
+            return values[None]
+        count = len(self.blocks)
+        return np.stack([values[:count], np.pad(values[count:], (0, self.singles))], axis=1)
+
+
+def _normal_modes(coupling, rigid, damping):
+    """Under uniform damping: singular vectors of B pair velocity with strain."""
+    kv, ke = coupling.shape
+    left, frequencies, right = np.linalg.svd(coupling[rigid:])
+    blocks = np.zeros((kv, 2, 2))
+    blocks[:, 0, 0] = -damping
+    pairs = np.arange(frequencies.size)
+    blocks[pairs, 0, 1], blocks[pairs, 1, 0] = frequencies, -frequencies
+    to_modes = np.zeros((kv + ke, kv + ke))
+    # Waves first, those without a strain of their own behind; the translation, a single, is last.
+    to_modes[rigid:kv, : kv - rigid] = left
+    to_modes[:rigid, kv - rigid : kv] = np.eye(rigid)
+    to_modes[kv:, kv:] = right.T
+    return OwnModes(blocks, kv - ke, to_modes, orthogonal=True, apart=True)
+
+
+def _eigenmodes(operator):
+    """Otherwise: eigenvectors, real and imaginary part of each conjugate pair."""
+    values, vectors = np.linalg.eig(operator)
+    whole = np.flatnonzero(values.imag == 0)
+    upper = np.flatnonzero(values.imag > 0)
+    to_modes = np.concatenate(
+        [vectors[:, upper].real, vectors[:, whole].real, vectors[:, upper].imag], axis=1
+    )
+    if np.linalg.cond(to_modes) > ILL_CONDITIONED:
+        return OwnModes(operator[None], 0, np.eye(len(operator)), orthogonal=True, apart=False)
+    blocks = np.zeros((upper.size + whole.size, 2, 2))
+    pairs = blocks[: upper.size]
+    pairs[:, 0, 0] = pairs[:, 1, 1] = values[upper].real
+    pairs[:, 1, 0] = -values[upper].imag
+    pairs[:, 0, 1] = values[upper].imag
+    blocks[upper.size :, 0, 0] = values[whole].real
+    return OwnModes(blocks, whole.size, to_modes, orthogonal=False, apart=False)
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A model ready to run, and to show its fields where they are asked for.
+
+    Attributes
+    ----------
+    model : LiftedModel
+    method : str
+    jumps : Jumps
+    start : array, shape (coordinates, N)
+        Initial velocity [m/s] to own coordinates.
+    """
+
+    model: LiftedModel
+    method: str
+    jumps: Jumps
+    start: np.ndarray
+
+    def new_state(self) -> np.ndarray:
+        """An array for the own coordinates, shape (coordinates, times)."""
+        return np.zeros((len(self.start), self.model.scene.error_times.size))
+
+    def run(self, velocity0: np.ndarray, state: np.ndarray) -> None:
+        """Fill ``state`` for an initial velocity (N,), at all times of the error integral.
+
+        Only the start sees the particles.
+        """
+        state[:, 0] = self.start @ velocity0
+        self.jumps.run(state)
+
+    def solve(self) -> np.ndarray:
+        """Run the scene and give its own coordinates, shape (coordinates, times).
+
+        Raises
+        ------
+        Breakdown
+            The model is not finite, or its Jacobian 1 + e not positive.
+        """
+        state = self.new_state()
+        self.run(self.model.scene.velocity0(), state)
+        model = self.model
+        breakdown = model.breakdown(state) or model.breakdown_between(state, self.method)
+        if breakdown is not None:
+            raise breakdown
+        return state
+
+    def stored(self, state: np.ndarray) -> dict[str, np.ndarray]:
+        """What is kept of a solution: t (times,), and its coordinates (times, modes)."""
+        velocity, strain = self.model.coordinates(state)
+        return {
+            "t": self.model.scene.error_times,
+            "scaled_velocity_coordinates": velocity,
+            "scaled_strain_coordinates": strain,
+        }
+
+    @cached_property
+    def shapes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Own modes as velocity [m/s] and as strain, shapes (coordinates, N) each."""
+        model, own = self.model, self.model.own
+        mass, stiffness = lifted.energy_weights(model.scene)
+        kv = len(model.velocity_modes)
+        velocity = own.to_modes[:kv].T @ (model.velocity_modes / mass)
+        strain = own.to_modes[kv:].T @ (model.strain_modes / stiffness)
+        return (velocity[:kv], strain[kv:]) if own.apart else (velocity, strain)
+
+    def reconstruct(
+        self, state: np.ndarray, velocity: np.ndarray, strain: np.ndarray, first: int = 0
+    ) -> None:
+        """Fill fields (rows, N) from the outputs ``first``, ``first + 1``, …"""
+        columns = state[:, first : first + len(velocity)].T
+        kv = len(self.model.velocity_modes)
+        parts = (columns[:, :kv], columns[:, kv:]) if self.model.own.apart else (columns, columns)
+        for part, shape, field in zip(parts, self.shapes, (velocity, strain), strict=True):
+            np.matmul(part, shape, out=field)
+
+
+def repeat_sph(
+    scene: Scene,
+    mode_counts: Iterable[int],
+    modes: Mapping[str, np.ndarray],
+    sph: Mapping[str, np.ndarray],
+    reference: Mapping[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Errors of ``lifted_euler`` for several mode counts; its coordinates, if it is only one.
+
+    Parameters
+    ----------
+    scene : Scene
+    mode_counts : ints
+        Velocity modes, or all there are.
+    modes : dict
+        As from `decompose`.
+    sph, reference : dict
+        velocity and density (times, N).
+
+    Returns
+    -------
+    dict
+        As that of `rom.sweep`, with scaled_velocity_coordinates and scaled_strain_coordinates.
+
+    Raises
+    ------
+    Breakdown
+        The model for a single mode count broke down; in a sweep, its errors are infinite.
+    """
+    counts = list(mode_counts)
+    arrays = no_errors(counts, "sph", "reference")
+    arrays["modes_resolved"] = modes_resolved(modes, counts)
+    for n, count in enumerate(counts):
+        prepared = build(scene, modes, count).prepare("lifted_euler")
+        try:
+            state = prepared.solve()
+        except Breakdown as breakdown:
+            if len(counts) == 1:
+                raise
+            arrays["breakdown_time"][n] = breakdown.time
+            continue
+        for against, solution in (("sph", sph), ("reference", reference)):
+            for field, error in field_errors(prepared, state, solution).items():
+                arrays[f"{field}_error_{against}"][n] = error
+        if len(counts) == 1:
+            arrays |= prepared.stored(state)
+    return arrays
+
+
+def no_errors(counts: list[int], *against: str) -> dict[str, np.ndarray]:
+    """Arrays for the errors of so many mode counts, infinite until they are known."""
+    errors = {
+        f"{field}_error_{one}": np.full(len(counts), np.inf) for one in against for field in FIELDS
+    }
+    breakdown_time = np.full(len(counts), np.nan)
+    return {"mode_count": np.array(counts), **errors, "breakdown_time": breakdown_time}
+
+
+def field_errors(
+    prepared: Prepared, state: np.ndarray, solution: Mapping[str, np.ndarray]
+) -> dict[str, float]:
+    """Relative errors of velocity and density (section 3.1) against a solution (times, N).
+
+    The fields are reconstructed a few outputs at a time.
+    """
+    scene = prepared.model.scene
+    wrong, right = dict.fromkeys(FIELDS, 0.0), dict.fromkeys(FIELDS, 0.0)
+    for rows in blocks(state.shape[1]):
+        shape = solution["velocity"][rows].shape
+        velocity, strain = np.empty(shape), np.empty(shape)
+        prepared.reconstruct(state, velocity, strain, rows.start)
+        for field, values in (("velocity", velocity), ("density", lifted.density(scene, strain))):
+            expected = solution[field][rows]
+            values -= expected
+            wrong[field] += np.vdot(values, values)
+            right[field] += np.vdot(expected, expected)
+    return {field: share(np.sqrt(wrong[field]), np.sqrt(right[field])) for field in FIELDS}

@@ -1,0 +1,732 @@
+"""Reduced models: Galerkin projection of the SPH equations on POD modes (sections 2.3 and 2.4).
+
+With v = Uv a and ρ = Uρ b (Uv, Uρ with orthonormal columns), and G the SPH derivative:
+
+    da/dt = P (1 - ρ0/ρ) - Uvᵀ D Uv a + Uvᵀ f,    P = -Uvᵀ diag(1/ρ0) G diag(c)
+    db/dt = -Uρᵀ (ρ²/ρ0 ∘ Q a),                   Q = G Uv
+
+original
+    these equations, explicit Euler.
+linearized
+    with ρ/ρ0 - 1 in place of 1 - ρ0/ρ (section 2.4), still evaluated on the particles.
+frozen1, frozen2, …
+    the linearized velocity equation in reduced coordinates; the coefficients ρ² and Uvᵀ f are
+    refreshed every n_freeze steps only. frozen1 is the linearized model in another form.
+"""
+
+import logging
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import groupby, islice
+
+import numpy as np
+
+from sphpod.full.sph import SOUND
+from sphpod.numerics.compiled import compiled, compiled_sums
+from sphpod.numerics.error import FIELDS, Projection, blocks
+from sphpod.reduced.pod import resolved
+from sphpod.scene.breakdown import RESOLVED, Breakdown, first_broken
+from sphpod.scene.scene import ABSENT, Scene
+
+logger = logging.getLogger(__name__)
+
+GROUP = 4
+"""Modes, and models, that a kernel takes at once, so that it passes over memory less often."""
+
+Solution = tuple[np.ndarray, np.ndarray, Breakdown | None]
+"""Velocity coordinates (times, kv), density coordinates (times, kρ), and how the model broke."""
+
+
+def freeze_steps(method: str) -> int:
+    """n_freeze of a method's name; 0 for the methods that freeze nothing.
+
+    Raises
+    ------
+    ValueError
+        There is no such method.
+    """
+    if method in ("original", "linearized"):
+        return 0
+    match = re.fullmatch(r"frozen([1-9]\d{0,14})", method)
+    if match is None:
+        raise ValueError(
+            f"method = {method}: allowed are original, linearized and frozen1, frozen2, …"
+        )
+    return int(match[1])
+
+
+@dataclass(frozen=True)
+class ReducedModel:
+    """A scene projected on modes, ready to run.
+
+    Attributes
+    ----------
+    scene : Scene
+    method : str
+        original, linearized, frozen1, frozen2, …
+    velocity_modes, density_modes : arrays, shapes (kv, N) and (kρ, N)
+        Orthonormal modes, one a row.
+    """
+
+    scene: Scene
+    method: str
+    velocity_modes: np.ndarray
+    density_modes: np.ndarray
+
+    def prepare(
+        self, steps: np.ndarray, start: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> Callable[[np.ndarray, np.ndarray], None]:
+        """Project the equations: all that precedes the time loop, so that it can be timed alone.
+
+        Parameters
+        ----------
+        steps : int array, shape (times,)
+            Ascending numbers of time steps after which the coordinates are kept.
+        start : (velocity_coordinates, density_coordinates), shapes (kv,) and (kρ,), optional
+            Coordinates at step 0; those of the scene's initial state if not given.
+
+        Returns
+        -------
+        callable
+            ``run(velocity_coordinates, density_coordinates)`` fills arrays of shapes (times, kv)
+            and (times, kρ).
+        """
+        march, start_a, start_b, arguments = self._project(steps)
+        if start is not None:
+            start_a, start_b = map(_padded, start)
+
+        def run(velocity_coordinates, density_coordinates):
+            a, b = start_a.copy(), start_b.copy()
+            march(a, b, *arguments, steps, velocity_coordinates, density_coordinates)
+
+        return run
+
+    def _project(self, steps):
+        """Kernel, initial coordinates, and the operators and forces that the kernel takes."""
+        scene, n_freeze = self.scene, freeze_steps(self.method)
+        velocity_modes, density_modes = self.velocity_modes, self.density_modes
+        density0, dt = scene.density0(), scene.time_step
+        # Σ_i Φ_i (1/ρ0_i) (G s)_i is Σ_j s_j times this, as V_i G_ij is antisymmetric.
+        shares = velocity_modes / (density0 * scene.volumes)
+        pull = dt * scene.derivative(shares) * scene.volumes * scene.modulus()
+        stretch = -dt * scene.derivative(velocity_modes) / density0
+        start = _padded(velocity_modes @ scene.velocity0()), _padded(density_modes @ density0)
+        decay, damping, amplitude, push = self._project_forces(dt, steps[-1])
+        forces = decay, _padded(damping.T, both=True), amplitude, _padded(push)
+        on_particles = _padded(stretch), _padded(density_modes)
+        if n_freeze == 0:
+            operators = _padded(pull), *on_particles, density0, self.method == "linearized"
+            return march_particles, *start, (*operators, *forces)
+        force = _padded(density_modes @ (pull / density0).T, both=True)
+        constant = _padded(-pull.sum(axis=1))
+        kv, kr = len(velocity_modes), len(density_modes)
+        if tensor_is_cheaper(kv, kr, density0.size, n_freeze):
+            tensor = _quadratic_tensor(*on_particles, kr)
+            return march_tensor, *start, (force, constant, tensor, n_freeze, *forces)
+        return march_frozen, *start, (force, constant, *on_particles, n_freeze, *forces)
+
+    def operator(self, density: np.ndarray | None = None) -> np.ndarray:
+        """The model linearized about a density at rest, [[-D, A], [-Cᵀ, 0]] of (2.21) to (2.24).
+
+        Parameters
+        ----------
+        density : array, shape (N,), optional
+            Density ρ [kg/m³] of which the coefficients are taken: that of the last refresh for a
+            frozen model; the initial one, projected on the density modes, if not given.
+
+        Returns
+        -------
+        array, shape (kv + kρ, kv + kρ)
+            Of velocity and density coordinates [1/s times ratios of their units].
+        """
+        scene, v_modes, rho_modes = self.scene, self.velocity_modes, self.density_modes
+        density0 = scene.density0()
+        if density is None:
+            density = rho_modes.T @ (rho_modes @ density0)
+        # d(1 - ρ0/ρ)/dρ is ρ0/ρ²; with linearized density it is 1/ρ0.
+        slope = density0 / density**2 if self.method == "original" else 1 / density0
+        shares = v_modes / (density0 * scene.volumes)
+        pull = scene.derivative(shares) * scene.volumes * scene.modulus()
+        stretch = -(density**2) / density0 * scene.derivative(v_modes)
+        damping = scene.damping_values()
+        decay = -(v_modes * damping) @ v_modes.T if damping.size else np.zeros((len(v_modes),) * 2)
+        return np.block(
+            [
+                [decay, (pull * slope) @ rho_modes.T],
+                [rho_modes @ stretch.T, np.zeros((len(rho_modes),) * 2)],
+            ]
+        )
+
+    def solve(self, steps: np.ndarray) -> Solution:
+        """Run the model.
+
+        Parameters
+        ----------
+        steps : int array, shape (times,)
+
+        Returns
+        -------
+        velocity_coordinates, density_coordinates : arrays, shapes (times, kv) and (times, kρ)
+        breakdown : Breakdown or None
+            The first time at which the model is not finite or its density not positive: of those
+            kept, or of more between them that resolve the fastest wave (`breakdown.RESOLVED`).
+        """
+        run = self.prepare(steps)
+        velocity_coordinates = np.empty((steps.size, len(self.velocity_modes)))
+        density_coordinates = np.empty((steps.size, len(self.density_modes)))
+        run(velocity_coordinates, density_coordinates)
+        breakdown = self._breakdown(velocity_coordinates, density_coordinates, steps)
+        return velocity_coordinates, density_coordinates, breakdown
+
+    def _project_forces(self, dt, step_count):
+        """Damping and force of a step: 1 - Δt d where d is the same everywhere, else 1 and the
+        matrix -Δt Uvᵀ D Uv; amplitude of the force in every step, and Δt times its projection."""
+        scene, modes = self.scene, self.velocity_modes
+        d = scene.damping_values()
+        decay, damping = 1.0, np.zeros((0, 0))
+        if d.size and d.min() == d.max():
+            decay = 1 - dt * float(d[0])
+        elif d.size:
+            damping = -dt * (modes * d) @ modes.T
+        amplitude, profile = scene.force_of_steps(step_count)
+        push = dt * modes @ profile if amplitude.size else ABSENT
+        return decay, damping, amplitude, push
+
+    def _breakdown(self, velocity_coordinates, density_coordinates, steps):
+        row, particle = self._broken(velocity_coordinates, density_coordinates)
+        if row < 0:
+            steps, row, particle = self._broken_between(steps, density_coordinates)
+        if row < 0:
+            return None
+        model = f"the {self.method} model with {len(self.velocity_modes)} modes"
+        return Breakdown(self.scene.name, model, self.scene.times(steps)[row], particle)
+
+    def _broken_between(self, steps, density_coordinates):
+        """Steps between those that were kept, and the first broken of them and its particle.
+
+        Where what was kept does not resolve the fastest wave of the model at rest, the model runs
+        again and keeps steps that do; where strains of one half are met, it keeps every step.
+        """
+        kv, widest = len(self.velocity_modes), np.diff(steps, prepend=0).max(initial=0)
+        if widest <= 1:
+            return steps, -1, -1
+        operator = self.operator()
+        sides = operator[:kv, kv:], operator[kv:, :kv]
+        rate = np.sqrt(np.prod([np.linalg.norm(side) for side in sides])) * self.scene.time_step
+        every = max(1, int(min(RESOLVED / rate, widest))) if rate > 0 else widest
+        if every < widest:
+            steps, density_coordinates, found = self._looked_at(steps, every)
+            if found[0] >= 0:
+                return steps, *found
+        if every > 1 and self._strained(density_coordinates):
+            steps, _, found = self._looked_at(steps, 1)
+            return steps, *found
+        return steps, -1, -1
+
+    def _strained(self, density_coordinates):
+        """Whether a strain from the first row on is `SOUND` or more; sees no particle if it can."""
+        reach = np.linalg.norm(self.density_modes, axis=0)
+        first = density_coordinates[0] @ self.density_modes
+        moved = np.linalg.norm(density_coordinates - density_coordinates[0], axis=1)
+        doubts = np.flatnonzero(moved * np.max(reach / first) >= SOUND / (1 + SOUND))
+        return any(
+            np.abs(first / (density_coordinates[doubts[rows]] @ self.density_modes) - 1).max()
+            >= SOUND
+            for rows in blocks(doubts.size)
+        )
+
+    def _looked_at(self, steps, every):
+        steps = np.union1d(steps, np.arange(0, steps[-1] + 1, every)).astype(np.int64)
+        velocity = np.empty((steps.size, len(self.velocity_modes)))
+        density = np.empty((steps.size, len(self.density_modes)))
+        self.prepare(steps)(velocity, density)
+        return steps, density, self._broken(velocity, density)
+
+    def _broken(self, velocity_coordinates, density_coordinates):
+        """First row and particle without finite state and positive Jacobian J, or (-1, -1).
+
+        J = ρ0/ρ is positive where ρ is, and |ρ_i(t) - ρ_i(0)| is at most the length of what the
+        coordinates moved times that of the particle's entries in the modes: a test that is usually
+        enough, and sees no particle but once. ρ is reconstructed only where the test fails.
+        """
+        finite = np.isfinite(velocity_coordinates).all(1) & np.isfinite(density_coordinates).all(1)
+        bad = -1 if finite.all() else int(np.argmin(finite))
+        rows = density_coordinates[: bad if bad >= 0 else None]
+        if len(rows):
+            reach = np.linalg.norm(self.density_modes, axis=0)
+            first = rows[0] @ self.density_modes
+            if first.min() > 0:
+                with np.errstate(over="ignore"):
+                    moved = np.linalg.norm(rows - rows[0], axis=1)
+                    suspects = np.flatnonzero(moved * np.max(reach / first) >= 1)
+            else:
+                suspects = np.arange(len(rows))
+            found = first_broken(0, rows, self.density_modes, suspects)
+            if found[0] >= 0:
+                return found
+        return bad, 0 if bad >= 0 else -1
+
+
+def sweep(
+    scene: Scene,
+    method: str,
+    mode_counts: Iterable[int],
+    modes: Mapping[str, np.ndarray],
+    sph: Mapping[str, Projection],
+    reference: Mapping[str, Projection],
+) -> dict[str, np.ndarray]:
+    """Errors of a reduced model for several mode counts; its coordinates, if it is only one.
+
+    Parameters
+    ----------
+    scene : Scene
+    method : str
+    mode_counts : ints
+        Modes for velocity and density each, or all there are.
+    modes : dict
+        velocity_modes, density_modes (one a row), velocity_span_rounding, density_span_rounding.
+    sph, reference : dict
+        velocity and density, each projected on all those modes (``error.project``).
+
+    Returns
+    -------
+    dict
+        mode_count, velocity_error_sph, density_error_sph, velocity_error_reference,
+        density_error_reference, breakdown_time [s] (NaN where none), modes_resolved, as from
+        `modes_resolved`, each of shape (counts,); and for a single count t,
+        velocity_coordinates, density_coordinates.
+
+    Raises
+    ------
+    Breakdown
+        The model for a single mode count broke down. In a sweep, the errors of a mode count that
+        does are infinite, and the time is kept.
+    """
+    counts = list(mode_counts)
+    steps = scene.error_steps
+    arrays: dict[str, np.ndarray] = {
+        "mode_count": np.array(counts),
+        "modes_resolved": modes_resolved(modes, counts),
+    }
+    errors = {
+        f"{field}_error_{against}": np.full(len(counts), np.inf)
+        for against in ("sph", "reference")
+        for field in FIELDS
+    }
+    breakdown_time = np.full(len(counts), np.nan)
+    models = [model(scene, method, modes, count) for count in counts]
+    for n, (velocity, density, breakdown) in enumerate(solve_each(models, steps)):
+        if breakdown is not None:
+            if len(counts) == 1:
+                raise breakdown
+            breakdown_time[n] = breakdown.time
+            continue
+        for against, projections in (("sph", sph), ("reference", reference)):
+            for field, reduced in zip(FIELDS, (velocity, density), strict=True):
+                error = projections[field].relative_error(reduced)
+                errors[f"{field}_error_{against}"][n] = error
+    arrays |= errors | {"breakdown_time": breakdown_time}
+    if len(counts) == 1:
+        arrays |= {
+            "t": scene.error_times,
+            "velocity_coordinates": velocity,
+            "density_coordinates": density,
+        }
+    return arrays
+
+
+def solve_each(models: Iterable[ReducedModel], steps: np.ndarray) -> Iterator[Solution]:
+    """Solutions of models of one scene and method, of which each has the modes of the one before.
+
+    Where the particles are seen in every step, up to four models of about the same size are run
+    together, which passes over the modes once for all of them.
+    """
+
+    def size(model):
+        return (
+            -(-len(model.velocity_modes) // GROUP),
+            -(-len(model.density_modes) // GROUP),
+            freeze_steps(model.method) == 0,
+        )
+
+    for (_, _, together), same in groupby(models, size):
+        while group := list(islice(same, GROUP)):
+            if together and len(group) > 1:
+                yield from _solve_four(group, steps)
+            else:
+                yield from (model.solve(steps) for model in group)
+
+
+def _solve_four(models, steps):
+    """Solutions of two to four models; where there are fewer than four, the last runs twice."""
+    _, start_a, start_b, arguments = models[-1]._project(steps)
+    four = [*models, *[models[-1]] * (GROUP - len(models))]
+    mask_a = np.array([np.arange(start_a.size) < len(m.velocity_modes) for m in four], float)
+    mask_b = np.array([np.arange(start_b.size) < len(m.density_modes) for m in four], float)
+    a, b = mask_a * start_a, mask_b * start_b
+    velocity = np.empty((steps.size, *a.shape))
+    density = np.empty((steps.size, *b.shape))
+    march_four(a, b, mask_a, mask_b, *arguments, steps, velocity, density)
+    for n, model in enumerate(models):
+        reduced = (
+            np.ascontiguousarray(velocity[:, n, : len(model.velocity_modes)]),
+            np.ascontiguousarray(density[:, n, : len(model.density_modes)]),
+        )
+        yield *reduced, model._breakdown(*reduced, steps)
+
+
+def acceleration_contenders(n_freeze: Iterable[int]) -> list[str]:
+    """Methods of an acceleration study (section 2.4), by falling number of operations."""
+    return ["original", "linearized", *(f"frozen{n}" for n in n_freeze)]
+
+
+def accelerate(
+    scene: Scene,
+    n_freeze: Iterable[int],
+    mode_counts: Iterable[int],
+    modes: Mapping[str, np.ndarray],
+    sph: Mapping[str, Projection],
+) -> dict[str, np.ndarray]:
+    """Errors of an acceleration study: original, linearized and frozen models against full SPH.
+
+    Parameters
+    ----------
+    scene : Scene
+    n_freeze, mode_counts : ints
+    modes, sph : dict
+        As in ``sweep``.
+
+    Returns
+    -------
+    dict
+        contender and n_freeze (contenders,), mode_count and modes_resolved (counts,),
+        acceleration_velocity_error and acceleration_density_error (contenders, counts); infinite
+        where a model broke down.
+    """
+    contenders, counts = acceleration_contenders(n_freeze), list(mode_counts)
+    errors = {field: np.full((len(contenders), len(counts)), np.inf) for field in FIELDS}
+    for row, method in enumerate(contenders):
+        for column, count in enumerate(counts):
+            *reduced, breakdown = model(scene, method, modes, count).solve(scene.error_steps)
+            if breakdown is None:
+                for field, coordinates in zip(FIELDS, reduced, strict=True):
+                    errors[field][row, column] = sph[field].relative_error(coordinates)
+    return {
+        "contender": np.array(contenders),
+        "n_freeze": np.array([freeze_steps(method) for method in contenders]),
+        "mode_count": np.array(counts),
+        "modes_resolved": modes_resolved(modes, counts),
+    } | {f"acceleration_{field}_error": errors[field] for field in FIELDS}
+
+
+def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np.ndarray:
+    """Whether models with so many modes depend on them to more than rounding (`pod.resolved`).
+
+    Parameters
+    ----------
+    modes : dict
+        velocity_span_rounding, density_span_rounding.
+    counts : ints
+        Modes for velocity and density each, or all there are.
+
+    Returns
+    -------
+    bool array, shape (counts,)
+    """
+    counts = list(counts)
+    velocity, density = (resolved(counts, modes[f"{field}_span_rounding"]) for field in FIELDS)
+    return velocity & density
+
+
+def model(scene: Scene, method: str, modes: Mapping[str, np.ndarray], count: int) -> ReducedModel:
+    """Model with so many modes for velocity and density each, or all, as the log tells."""
+    velocity_modes, density_modes = (modes[f"{field}_modes"] for field in FIELDS)
+    if min(len(velocity_modes), len(density_modes)) < count:
+        logger.warning(
+            "scene %s: %d modes asked for, the snapshots hold %d of velocity and %d of density",
+            scene.name, count, len(velocity_modes), len(density_modes),
+        )  # fmt: skip
+    return ReducedModel(scene, method, velocity_modes[:count], density_modes[:count])
+
+
+def tensor_is_cheaper(kv: int, kr: int, particle_count: int, n_freeze: int) -> bool:
+    """Whether frozen coefficients take fewer operations a step without the particles.
+
+    With the tensor a step costs kv kρ, and a refresh kv kρ for each of the kρ(kρ+1)/2 products of
+    density coordinates; on the particles a step costs N (kv + kρ), and a refresh N kρ.
+    """
+    with_tensor = kv * kr + kv * kr * kr * (kr + 1) / 2 / n_freeze
+    on_particles = particle_count * (kv + kr) + particle_count * kr / n_freeze
+    return with_tensor < on_particles
+
+
+def _quadratic_tensor(stretch, density_modes, kr):
+    """T[q ≤ r, (m, p)]: as ρ² is quadratic in b, -Δt Cᵀ is Σ T b_q b_r (padded modes given)."""
+    pairs = [(q, r) for q in range(kr) for r in range(q, kr)]
+    twice = np.array([1 if q == r else 2 for q, r in pairs])
+    products = np.array([density_modes[q] * density_modes[r] for q, r in pairs])
+    matrices = stretch[:, None, :] * density_modes[None, :, :]
+    return _padded((twice[:, None] * products) @ matrices.reshape(-1, stretch.shape[1]).T)
+
+
+def _padded(array, both=False):
+    """Zeros appended to the modes (first axis, or both) until whole groups of them are there."""
+    if array.size == 0:
+        return array
+    missing = -np.array(array.shape) % GROUP
+    widths = [(0, m if axis == 0 or both else 0) for axis, m in enumerate(missing)]
+    return np.ascontiguousarray(np.pad(array, widths))
+
+
+@compiled
+def add_expansion(coordinates, modes, field):
+    """field += Σ_m coordinates[m] modes[m], four modes at once."""
+    for m in range(0, coordinates.size, 4):
+        c0, c1, c2, c3 = coordinates[m], coordinates[m + 1], coordinates[m + 2], coordinates[m + 3]
+        for i in range(field.size):
+            # From left to right: one fused multiply-add a mode.
+            field[i] = (
+                field[i]
+                + c0 * modes[m, i]
+                + c1 * modes[m + 1, i]
+                + c2 * modes[m + 2, i]
+                + c3 * modes[m + 3, i]
+            )
+
+
+@compiled
+def expand(coordinates, modes, field):
+    """field = Σ_m coordinates[m] modes[m]."""
+    for i in range(field.size):
+        field[i] = 0.0
+    add_expansion(coordinates, modes, field)
+
+
+@compiled_sums
+def add_projection(field, modes, coordinates):
+    """coordinates[m] += Σ_i modes[m, i] field[i], four modes at once."""
+    for m in range(0, coordinates.size, 4):
+        s0, s1, s2, s3 = 0.0, 0.0, 0.0, 0.0
+        for i in range(field.size):
+            s0 += modes[m, i] * field[i]
+            s1 += modes[m + 1, i] * field[i]
+            s2 += modes[m + 2, i] * field[i]
+            s3 += modes[m + 3, i] * field[i]
+        coordinates[m] += s0
+        coordinates[m + 1] += s1
+        coordinates[m + 2] += s2
+        coordinates[m + 3] += s3
+
+
+@compiled
+def add_push(push, amplitude, step, result):
+    """result += amplitude of the force in this step times its projection."""
+    for m in range(push.size):
+        result[m] += amplitude[step] * push[m]
+
+
+@compiled
+def march_particles(
+    a, b, pull, stretch, density_modes, density0, linear, decay, damping, amplitude, push, steps,
+    velocity_coordinates, density_coordinates,
+):  # fmt: skip
+    """Original and linearized model: the nonlinearity is evaluated on the particles."""
+    rho, rate = np.empty(density0.size), np.empty(density0.size)
+    kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
+    old_a = a.copy()
+    done = 0
+    for row in range(steps.size):
+        for step in range(done, steps[row]):
+            for m in range(a.size):
+                old_a[m] = a[m]
+                a[m] *= decay
+            expand(b, density_modes, rho)
+            expand(old_a, stretch, rate)
+            for i in range(rho.size):
+                rate[i] *= rho[i] * rho[i]
+            if linear:
+                for i in range(rho.size):
+                    rho[i] = rho[i] / density0[i] - 1.0
+            else:
+                for i in range(rho.size):
+                    rho[i] = 1.0 - density0[i] / rho[i]
+            add_projection(rate, density_modes, b)
+            add_projection(rho, pull, a)
+            if damping.size:
+                add_expansion(old_a, damping, a)
+            if amplitude.size:
+                add_push(push, amplitude, step, a)
+        done = steps[row]
+        for m in range(kv):
+            velocity_coordinates[row, m] = a[m]
+        for m in range(kr):
+            density_coordinates[row, m] = b[m]
+
+
+@compiled
+def expand_four(coordinates, modes, fields):
+    """fields[g] = Σ_m coordinates[g, m] modes[m] of four models, four modes at once."""
+    for g in range(4):
+        for i in range(fields.shape[1]):
+            fields[g, i] = 0.0
+    for m in range(0, coordinates.shape[1], 4):
+        a0, a1 = coordinates[0, m], coordinates[0, m + 1]
+        a2, a3 = coordinates[0, m + 2], coordinates[0, m + 3]
+        b0, b1 = coordinates[1, m], coordinates[1, m + 1]
+        b2, b3 = coordinates[1, m + 2], coordinates[1, m + 3]
+        c0, c1 = coordinates[2, m], coordinates[2, m + 1]
+        c2, c3 = coordinates[2, m + 2], coordinates[2, m + 3]
+        d0, d1 = coordinates[3, m], coordinates[3, m + 1]
+        d2, d3 = coordinates[3, m + 2], coordinates[3, m + 3]
+        for i in range(fields.shape[1]):
+            u0, u1, u2, u3 = modes[m, i], modes[m + 1, i], modes[m + 2, i], modes[m + 3, i]
+            fields[0, i] = fields[0, i] + a0 * u0 + a1 * u1 + a2 * u2 + a3 * u3
+            fields[1, i] = fields[1, i] + b0 * u0 + b1 * u1 + b2 * u2 + b3 * u3
+            fields[2, i] = fields[2, i] + c0 * u0 + c1 * u1 + c2 * u2 + c3 * u3
+            fields[3, i] = fields[3, i] + d0 * u0 + d1 * u1 + d2 * u2 + d3 * u3
+
+
+@compiled_sums
+def add_projection_four(fields, modes, mask, coordinates):
+    """coordinates[g, m] += mask[g, m] Σ_i modes[m, i] fields[g, i] of four models."""
+    for m in range(0, coordinates.shape[1], 4):
+        a0 = a1 = a2 = a3 = b0 = b1 = b2 = b3 = 0.0
+        c0 = c1 = c2 = c3 = d0 = d1 = d2 = d3 = 0.0
+        for i in range(fields.shape[1]):
+            u0, u1, u2, u3 = modes[m, i], modes[m + 1, i], modes[m + 2, i], modes[m + 3, i]
+            a, b, c, d = fields[0, i], fields[1, i], fields[2, i], fields[3, i]
+            a0, a1, a2, a3 = a0 + u0 * a, a1 + u1 * a, a2 + u2 * a, a3 + u3 * a
+            b0, b1, b2, b3 = b0 + u0 * b, b1 + u1 * b, b2 + u2 * b, b3 + u3 * b
+            c0, c1, c2, c3 = c0 + u0 * c, c1 + u1 * c, c2 + u2 * c, c3 + u3 * c
+            d0, d1, d2, d3 = d0 + u0 * d, d1 + u1 * d, d2 + u2 * d, d3 + u3 * d
+        sums = ((a0, a1, a2, a3), (b0, b1, b2, b3), (c0, c1, c2, c3), (d0, d1, d2, d3))
+        for g in range(4):
+            for n in range(4):
+                coordinates[g, m + n] += mask[g, m + n] * sums[g][n]
+
+
+@compiled
+def march_four(
+    a, b, mask_a, mask_b, pull, stretch, density_modes, density0, linear, decay, damping, amplitude,
+    push, steps, velocity_coordinates, density_coordinates,
+):  # fmt: skip
+    """As march_particles, for four models whose modes are the first of the same modes.
+
+    The masks are zero at the modes that a model does not have.
+    """
+    rho, rate = np.empty((4, density0.size)), np.empty((4, density0.size))
+    old_a = a.copy()
+    done = 0
+    for row in range(steps.size):
+        for step in range(done, steps[row]):
+            for g in range(4):
+                for m in range(a.shape[1]):
+                    old_a[g, m] = a[g, m]
+                    a[g, m] *= decay
+            expand_four(b, density_modes, rho)
+            expand_four(old_a, stretch, rate)
+            for g in range(4):
+                if linear:
+                    for i in range(density0.size):
+                        rate[g, i] *= rho[g, i] * rho[g, i]
+                        rho[g, i] = rho[g, i] / density0[i] - 1.0
+                else:
+                    for i in range(density0.size):
+                        rate[g, i] *= rho[g, i] * rho[g, i]
+                        rho[g, i] = 1.0 - density0[i] / rho[g, i]
+            add_projection_four(rate, density_modes, mask_b, b)
+            add_projection_four(rho, pull, mask_a, a)
+            if damping.size:
+                for g in range(4):
+                    for n in range(damping.shape[0]):
+                        for m in range(damping.shape[0]):
+                            a[g, m] += mask_a[g, m] * damping[n, m] * old_a[g, n]
+            if amplitude.size:
+                for g in range(4):
+                    for m in range(push.size):
+                        a[g, m] += mask_a[g, m] * push[m] * amplitude[step]
+        done = steps[row]
+        for g in range(4):
+            for m in range(a.shape[1]):
+                velocity_coordinates[row, g, m] = a[g, m]
+            for m in range(b.shape[1]):
+                density_coordinates[row, g, m] = b[g, m]
+
+
+@compiled
+def march_frozen(
+    a, b, force, constant, stretch, density_modes, n_freeze, decay, damping, amplitude, push, steps,
+    velocity_coordinates, density_coordinates,
+):  # fmt: skip
+    """Frozen coefficients, with ρ² kept on the particles between refreshes."""
+    squares, rate = np.empty(density_modes.shape[1]), np.empty(density_modes.shape[1])
+    kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
+    old_a = a.copy()
+    done = 0
+    for row in range(steps.size):
+        for step in range(done, steps[row]):
+            if step % n_freeze == 0:
+                expand(b, density_modes, squares)
+                for i in range(squares.size):
+                    squares[i] *= squares[i]
+            for m in range(a.size):
+                old_a[m] = a[m]
+                a[m] = decay * a[m] + constant[m]
+            add_expansion(b, force, a)
+            if damping.size:
+                add_expansion(old_a, damping, a)
+            if amplitude.size:
+                add_push(push, amplitude, step - step % n_freeze, a)
+            expand(old_a, stretch, rate)
+            for i in range(rate.size):
+                rate[i] *= squares[i]
+            add_projection(rate, density_modes, b)
+        done = steps[row]
+        for m in range(kv):
+            velocity_coordinates[row, m] = a[m]
+        for m in range(kr):
+            density_coordinates[row, m] = b[m]
+
+
+@compiled
+def refresh(b, kr, products, tensor, matrix):
+    """-Δt Cᵀ = Σ_{q ≤ r} T[q, r] b_q b_r, flattened."""
+    pair = 0
+    for q in range(kr):
+        for r in range(q, kr):
+            products[pair] = b[q] * b[r]
+            pair += 1
+    expand(products, tensor, matrix)
+
+
+@compiled
+def march_tensor(
+    a, b, force, constant, tensor, n_freeze, decay, damping, amplitude, push, steps,
+    velocity_coordinates, density_coordinates,
+):  # fmt: skip
+    """Frozen coefficients, wholly in reduced coordinates: no particle is seen."""
+    kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
+    products = np.zeros(tensor.shape[0])
+    flat = np.empty(tensor.shape[1])
+    matrix = flat.reshape(a.size, b.size)
+    old_a = a.copy()
+    done = 0
+    for row in range(steps.size):
+        for step in range(done, steps[row]):
+            if step % n_freeze == 0:
+                refresh(b, kr, products, tensor, flat)
+            for m in range(a.size):
+                old_a[m] = a[m]
+                a[m] = decay * a[m] + constant[m]
+            add_expansion(b, force, a)
+            if damping.size:
+                add_expansion(old_a, damping, a)
+            if amplitude.size:
+                add_push(push, amplitude, step - step % n_freeze, a)
+            add_expansion(old_a, matrix, b)
+        done = steps[row]
+        for m in range(kv):
+            velocity_coordinates[row, m] = a[m]
+        for m in range(kr):
+            density_coordinates[row, m] = b[m]

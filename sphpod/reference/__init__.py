@@ -1,0 +1,1 @@
+"""Solutions that full-order models are compared with."""

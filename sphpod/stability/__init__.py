@@ -1,0 +1,1 @@
+"""Where models are stable: theory and measurement."""

@@ -1,0 +1,145 @@
+"""Where runs grow and where they do not, over damping, mode count and time step.
+
+All waves are seeded at random, so that a map shows what a run does that knows nothing of spectra;
+the boundary that `sphpod.stability.spectrum` predicts is told beside it.
+"""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from sphpod.numerics.expressions import Expression
+from sphpod.reduced import lifted_rom
+from sphpod.scene.scene import Scene
+from sphpod.scene.waves import fastest_wave
+from sphpod.stability.limits import (
+    SEED,
+    Arrays,
+    blur,
+    galerkin,
+    late_growth,
+    march_full,
+    march_galerkin,
+    march_lifted,
+)
+from sphpod.stability.spectrum import euler_limits, frequencies, splitting_limit, wave_rates
+
+MAPPED = ("explicit_euler", "leapfrog")
+"""Integrators of the map over damping."""
+
+NO_WAVE = 1e-9
+"""Frequency below which a motion is no wave, of the scene's fastest."""
+
+MAP_RUN, REDUCED_MAP_RUN = (10, 400), (1, 2000)
+"""Steps from output to output, and outputs, of the runs of a map."""
+
+
+def of_damping(scene: Scene, size: int = 25) -> Arrays:
+    """Growth of the lifted full model over damping and time step, beside the predicted limit.
+
+    The scene's damping is replaced by uniform ones about the frequency ω of its fastest wave, up to
+    which damping helps explicit Euler and beyond which it hinders. All waves are seeded at random.
+
+    Parameters
+    ----------
+    scene : Scene
+    size : int
+        Dampings and time steps.
+
+    Returns
+    -------
+    dict
+        map_integrator (2,); map_damping (dampings,) [1/s], map_time_step (steps,) [s]; map_growth
+        (2, dampings, steps), the logarithm of the growth of the amplitude in a step; map_limit
+        (2, dampings) [s].
+    """
+    frequency = frequencies(scene)
+    fastest = frequency[0]
+    dampings = fastest * np.geomspace(1 / 50, 5, size)
+    time_steps = np.geomspace(0.01, 20, size) / fastest
+    growths = np.empty((len(MAPPED), size, size))
+    limits = np.empty((len(MAPPED), size))
+    state = np.random.default_rng(0).standard_normal(2 * scene.particle_count)
+    for m, damping in enumerate(dampings):
+        case = replace(scene, damping=Expression(repr(float(damping)), ("x",), {}))
+        limits[:, m] = (
+            euler_limits(wave_rates(frequency, damping)).min(),
+            splitting_limit(fastest, damping),
+        )
+        for n, integrator in enumerate(MAPPED):
+            march = march_full(case, integrator)
+            for t, time_step in enumerate(time_steps):
+                growths[n, m, t] = late_growth(march(state, time_step, *MAP_RUN), MAP_RUN[0])
+    return {
+        "map_integrator": np.array(MAPPED),
+        "map_damping": dampings,
+        "map_time_step": time_steps,
+        "map_growth": growths,
+        "map_limit": limits,
+    }
+
+
+def of_modes(
+    scene: Scene,
+    mode_counts: Iterable[int],
+    modes: Mapping[str, np.ndarray],
+    energy_modes: Mapping[str, np.ndarray],
+    size: int = 25,
+) -> Arrays:
+    """Growth of reduced models over mode count and time step, beside the predicted limit.
+
+    Without damping there is no limit (NaN): every step grows, by what the map tells.
+
+    Parameters
+    ----------
+    scene, mode_counts, modes, energy_modes
+        As in `limits.reduced`.
+    size : int
+        Time steps.
+
+    Returns
+    -------
+    dict
+        contender (original, lifted_euler); mode_count (counts,); map_time_step (steps,) [s];
+        mode_growth (2, counts, steps), the logarithm of the growth of the amplitude in a step;
+        mode_limit (2, counts) [s].
+    """
+    counts, rng = list(mode_counts), np.random.default_rng(0)
+    limits, fastest = np.empty((2, len(counts))), np.empty(len(counts))
+    runs = {}
+    # Coordinates of small strains.
+    small = SEED * np.linalg.norm(scene.density0()) / np.sqrt(scene.particle_count)
+    for n, count in enumerate(counts):
+        original = galerkin(scene, "original", modes, count)
+        model = lifted_rom.build(scene, energy_modes, count)
+        models = (
+            (original.operator(), march_galerkin(original), small, blur(original)),
+            (model.operator, march_lifted(model, "lifted_euler"), 1.0, 0.0),
+        )
+        for m, (operator, march, size_of_seed, known) in enumerate(models):
+            rates = np.linalg.eigvals(operator)
+            limits[m, n] = euler_limits(rates, known).min() or np.nan
+            fastest[n] = np.abs(rates).max()
+            runs[m, n] = march, size_of_seed * rng.standard_normal(len(operator))
+    finite = limits[np.isfinite(limits)]
+    if finite.size:
+        span = finite.min() / 3, finite.max() * 3
+    else:
+        # A translation is no wave, and may be all that a model holds.
+        of_scene = fastest_wave(scene)
+        waves = fastest[fastest > NO_WAVE * of_scene]
+        waves = waves if waves.size else np.array([of_scene])
+        span = 0.01 / waves.max(), 3 / waves.min()
+    time_steps = np.geomspace(*span, size)
+    growths = np.empty((2, len(counts), size))
+    for at, (march, state) in runs.items():
+        for t, time_step in enumerate(time_steps):
+            growths[(*at, t)] = late_growth(march(state, time_step, *REDUCED_MAP_RUN), 1)
+    return {
+        "contender": np.array(["original", "lifted_euler"]),
+        "mode_count": np.array(counts),
+        "map_time_step": time_steps,
+        "mode_growth": growths,
+        "mode_limit": limits,
+    }

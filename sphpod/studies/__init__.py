@@ -1,0 +1,1 @@
+"""Studies of run time, accuracy and robustness, one module each."""

@@ -1,0 +1,353 @@
+"""Run time against error: full and reduced models by every method, in one run of one process.
+
+Every contender computes the same: the state at all times of the error integral, a full model as
+fields, a reduced model in its own coordinates; what fields cost on top is told apart. They are
+prepared first; what they share, such as modes, is not timed with any of them but told as offline
+time. The force at every step is prepared too, where a model steps; a lifted reduced model evaluates
+it as it runs where it is smooth. Errors are those of the very runs that are timed.
+"""
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from sphpod.full import lifted, sph
+from sphpod.numerics.error import FIELDS, relative_error
+from sphpod.reduced import lifted_rom, pod, snapshots
+from sphpod.reduced.rom import ReducedModel, acceleration_contenders, freeze_steps, modes_resolved
+from sphpod.reference import exact, reference
+from sphpod.scene import waves
+from sphpod.scene.scene import Scene
+from sphpod.studies import timing
+
+MODE_COUNTS = (4, 8, 12, 16, 20)
+"""Mode counts that every reduced model is run with, as far as the snapshots give them."""
+
+SPACINGS = (4, 2, 0.5)
+"""Multiples of the scene's spacing, and of its time step, with which full models are run too."""
+
+EULER_STEPS = (2, 0.5, 0.25)
+"""Multiples of the scene's time step with which explicit Euler is run too."""
+
+TOLERANCES = {"rk45": (1e-3, 1e-5, 1e-7), "dop853": (1e-4, 1e-6, 1e-8)}
+"""Relative tolerances of adaptive integrators."""
+
+SHORTEST = 0.02
+"""Seconds that a timed run lasts at least; a shorter one is repeated until it does."""
+
+Fields = tuple[np.ndarray, np.ndarray]
+
+
+@dataclass(frozen=True)
+class Contender:
+    """A model ready to run.
+
+    Attributes
+    ----------
+    method, integrator : str
+    scene : Scene
+        With its own particle count and time step.
+    run : callable
+        Fills ``kept``.
+    kept : arrays
+        What a run keeps of the state, at all times of the error integral.
+    fields : callable
+        Velocity and density (times, N) of what was kept.
+    modes, n_freeze : int
+        0 where there are none.
+    tolerance : float
+        Of an adaptive integrator, else NaN.
+    reconstruct : callable, optional
+        Fills fields from what was kept; None where fields are kept.
+    projection_seconds : float
+        CPU time of the preparation [s].
+    resolved : bool
+        Whether rounding leaves the span of its modes, if it has any, as it is (`pod.resolved`).
+    """
+
+    method: str
+    integrator: str
+    scene: Scene
+    run: Callable[[], object]
+    fields: Callable[[], Fields]
+    modes: int = 0
+    n_freeze: int = 0
+    tolerance: float = np.nan
+    reconstruct: Callable[[], object] | None = None
+    projection_seconds: float = 0.0
+    resolved: bool = True
+
+    @property
+    def time_step(self) -> float:
+        """Δt [s] of a model that steps evenly, else NaN."""
+        fixed = self.integrator in (*lifted.FIXED_STEP, "repeats explicit_euler")
+        return self.scene.time_step if fixed else np.nan
+
+
+class Buffers:
+    """Arrays that contenders of one shape share, written to before any run."""
+
+    def __init__(self) -> None:
+        self.arrays: dict[tuple[str, tuple[int, ...]], np.ndarray] = {}
+
+    def get(self, name: str, *shape: int) -> np.ndarray:
+        """The array of that name and shape."""
+        if (name, shape) not in self.arrays:
+            self.arrays[name, shape] = np.zeros(shape)
+        return self.arrays[name, shape]
+
+
+@threadpool_limits.wrap(limits=1)
+def compare(
+    scene: Scene,
+    sampling: Mapping[str, Any],
+    study: Mapping[str, Sequence[int]],
+    taken: Mapping[str, np.ndarray],
+    full: Mapping[str, np.ndarray],
+    repeats: int,
+) -> dict[str, np.ndarray]:
+    """CPU times and errors of all contenders of a study.
+
+    Parameters
+    ----------
+    scene : Scene
+    sampling : dict
+        As in `snapshots.sampling_steps`.
+    study : dict
+        mode_counts and n_freeze.
+    taken : dict
+        velocity_snapshots, density_snapshots of the sampling.
+    full : dict
+        velocity and density (times, N) of full SPH.
+    repeats : int
+
+    Returns
+    -------
+    dict
+        One entry a contender: contender, integrator, contender_mode_count,
+        contender_modes_resolved, n_freeze, contender_particle_count, contender_time_step [s],
+        contender_tolerance; cpu_seconds and reconstruction_seconds (contenders, repeats) [s];
+        {field}_error_full and {field}_error_exact (the first NaN for other particles, the second
+        against centred differences where no exact solution is known); offline_seconds
+        (contenders, 3) [s]: of snapshots, modes and projection.
+    """
+    buffers = Buffers()
+    offline = _offline(scene, sampling, taken, repeats)
+    contenders = [
+        *_full_models(scene, buffers),
+        *_reduced_models(scene, sampling, study, taken, buffers),
+    ]
+    references: dict[int, Mapping[str, np.ndarray]] = {}
+    errors = np.full((2, 2, len(contenders)), np.nan)
+    numbers = []
+    for n, contender in enumerate(contenders):
+        numbers.append(timing.warm_up(contender.run, SHORTEST))
+        count = contender.scene.particle_count
+        if count not in references:
+            references[count] = _reference(contender.scene)
+        for f, (field, values) in enumerate(zip(FIELDS, contender.fields(), strict=True)):
+            if count == scene.particle_count:
+                errors[0, f, n] = relative_error(values, full[field])
+            errors[1, f, n] = relative_error(values, references[count][field])
+    runs = [contender.run for contender in contenders]
+    reconstructions = [contender.reconstruct or _nothing for contender in contenders]
+    return {
+        "contender": np.array([c.method for c in contenders]),
+        "integrator": np.array([c.integrator for c in contenders]),
+        "contender_mode_count": np.array([c.modes for c in contenders]),
+        "contender_modes_resolved": np.array([c.resolved for c in contenders]),
+        "n_freeze": np.array([c.n_freeze for c in contenders]),
+        "contender_particle_count": np.array([c.scene.particle_count for c in contenders]),
+        "contender_time_step": np.array([c.time_step for c in contenders]),
+        "contender_tolerance": np.array([c.tolerance for c in contenders]),
+        "cpu_seconds": timing.measure(runs, repeats, numbers),
+        "reconstruction_seconds": timing.measure(reconstructions, repeats),
+        **{
+            f"{field}_error_{against}": errors[a, f]
+            for a, against in enumerate(("full", "exact"))
+            for f, field in enumerate(FIELDS)
+        },
+        "offline_seconds": np.array(
+            [
+                [*(offline(c.method) if c.modes else (0, 0)), c.projection_seconds]
+                for c in contenders
+            ]
+        ),
+    }
+
+
+def _nothing() -> None:
+    """The reconstruction of a model that keeps fields."""
+
+
+def _reference(scene):
+    """The exact solution, or, where none is known, centred differences done properly."""
+    if exact.kind(scene) is not None:
+        return exact.solve(scene)
+    return reference.solve_centred(scene, estimate_error=False)
+
+
+def _offline(scene, sampling, taken, repeats):
+    """CPU times [s] of the snapshots, and of their modes for a method."""
+    steps = np.union1d(*snapshots.sampling_steps(scene, sampling))
+    kept = np.zeros((2, steps.size, scene.particle_count))
+    run = sph.prepare(scene, steps, "stencil")
+    run(*kept)
+    seconds = timing.measure(
+        [
+            lambda: run(*kept),
+            lambda: pod.decompose(taken),
+            lambda: lifted_rom.decompose(scene, taken),
+        ],
+        repeats,
+    )
+    of_snapshots, euclidean, energy = np.median(seconds, axis=1)
+    return lambda method: (of_snapshots, energy if method.startswith("lifted") else euclidean)
+
+
+def _timed(prepare, *arguments):
+    """What a preparation gives, and its CPU time [s]; it has run before."""
+    prepare(*arguments)
+    start = time.process_time()
+    result = prepare(*arguments)
+    return result, time.process_time() - start
+
+
+# --- Full models ----------------------------------------------------------------------------------
+
+
+def _full_models(scene: Scene, buffers: Buffers) -> Iterator[Contender]:
+    """The scene's own discretisation first, then others."""
+    yield _sph(scene, "lists", buffers)
+    for factor in (1, *EULER_STEPS):
+        if finer := _with(scene, 1, factor):
+            yield _sph(finer, "stencil", buffers)
+            yield _lifted_full(finer, "explicit_euler", buffers)
+    intervals = [scene.error_interval / n for n in (1, 2, 5, 10)]
+    largest = 2 / waves.fastest_wave(scene)
+    for integrator in ("symplectic_euler", "leapfrog"):
+        for step in {*intervals, scene.time_step}:
+            if step < largest:
+                yield _lifted_full(replace(scene, time_step=step), integrator, buffers)
+    for integrator, tolerances in TOLERANCES.items():
+        for tolerance in tolerances:
+            yield _lifted_full(scene, integrator, buffers, tolerance)
+    yield _lifted_full(scene, "exact", buffers)
+    for factor in SPACINGS:
+        if other := _with(scene, factor, factor):
+            yield _sph(other, "stencil", buffers)
+            yield _lifted_full(other, "leapfrog", buffers)
+
+
+def _with(scene, spacing, step):
+    """The scene with other multiples of its spacing and time step; None if it cannot be run."""
+    count = round(scene.particle_count / spacing)
+    stride = max(1, round(scene.error_stride / step))
+    other = replace(scene, particle_count=count, time_step=scene.error_interval / stride)
+    if step > 1 and other.time_step <= scene.time_step:
+        return None
+    usable = count >= 5 and waves.growth_factor(other) <= waves.GROWTH_LIMIT
+    return other if usable else None
+
+
+def _sph(scene, neighbours, buffers):
+    velocity, density = _kept(scene, buffers)
+    run = sph.prepare(scene, scene.error_steps, neighbours)
+    name = {"lists": "sph_neighbour_lists", "stencil": "sph_stencil"}[neighbours]
+    return Contender(
+        name, "explicit_euler", scene, lambda: run(velocity, density), lambda: (velocity, density)
+    )
+
+
+def _lifted_full(scene, integrator, buffers, tolerance=np.nan):
+    velocity, strain = _kept(scene, buffers)
+    run = lifted.prepare(scene, integrator, tolerance=tolerance)
+    return Contender(
+        "lifted_full_exact" if integrator == "exact" else "lifted_full_stencil",
+        integrator,
+        scene,
+        lambda: run(velocity, strain),
+        lambda: (velocity, lifted.density(scene, strain)),
+        tolerance=tolerance,
+    )
+
+
+def _kept(scene, buffers):
+    shape = scene.error_times.size, scene.particle_count
+    return buffers.get("velocity", *shape), buffers.get("density", *shape)
+
+
+# --- Reduced models -------------------------------------------------------------------------------
+
+
+def _reduced_models(scene, sampling, study, taken, buffers) -> Iterator[Contender]:
+    modes = pod.decompose(taken)
+    available = max(len(modes["velocity_modes"]), len(modes["density_modes"]))
+    counts = sorted({*study["mode_counts"], *(k for k in MODE_COUNTS if k <= available)})
+    for method in acceleration_contenders(study["n_freeze"]):
+        for count in counts:
+            yield _paper_model(scene, method, count, modes, buffers)
+    energy_modes = lifted_rom.decompose(scene, taken)
+    for method in lifted_rom.METHODS:
+        for count in counts:
+            yield _lifted_model(scene, method, count, energy_modes, buffers)
+
+
+def _paper_model(scene, method, count, modes, buffers):
+    chosen = modes["velocity_modes"][:count], modes["density_modes"][:count]
+    model = ReducedModel(scene, method, *chosen)
+    run, seconds = _timed(model.prepare, scene.error_steps)
+    kept = [buffers.get(f"coordinates {n}", scene.error_times.size, len(m)) for n, m in
+            enumerate(chosen)]  # fmt: skip
+    fields = _kept(scene, buffers)
+
+    def reconstruct():
+        for coordinates, rows, field in zip(kept, chosen, fields, strict=True):
+            np.matmul(coordinates, rows, out=field)
+
+    def shown():
+        reconstruct()
+        return fields
+
+    return Contender(
+        method,
+        "explicit_euler",
+        scene,
+        lambda: run(*kept),
+        shown,
+        count,
+        freeze_steps(method),
+        reconstruct=reconstruct,
+        projection_seconds=seconds,
+        resolved=bool(modes_resolved(modes, [count])[0]),
+    )
+
+
+def _lifted_model(scene, method, count, modes, buffers):
+    model = lifted_rom.build(scene, modes, count)
+    prepared, seconds = _timed(lambda: lifted_rom.build(scene, modes, count).prepare(method))
+    prepared = model.prepare(method)
+    state = buffers.get("state", *prepared.new_state().shape)
+    velocity, strain = _kept(scene, buffers)
+    velocity0 = scene.velocity0()
+    prepared.reconstruct(state, velocity, strain)
+
+    def shown():
+        prepared.reconstruct(state, velocity, strain)
+        return velocity, lifted.density(scene, strain)
+
+    return Contender(
+        method,
+        {"lifted_euler": "repeats explicit_euler", "lifted_exact": "exact"}[method],
+        scene,
+        lambda: prepared.run(velocity0, state),
+        shown,
+        count,
+        reconstruct=lambda: prepared.reconstruct(state, velocity, strain),
+        projection_seconds=seconds,
+        resolved=bool(lifted_rom.modes_resolved(modes, [count])[0]),
+    )

@@ -1,0 +1,129 @@
+"""What it saves to leave out what a scene does not need.
+
+Each thing that a scene may lack is run twice, by the model that leaves it out and by the general
+one that is given zeros, or the general structure, in its place. Both give the same result.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from sphpod.full import lifted, sph
+from sphpod.numerics.expressions import Expression
+from sphpod.reduced import lifted_rom
+from sphpod.reference import exact, reference
+from sphpod.scene.scene import Scene
+from sphpod.studies import timing
+from sphpod.studies.scaling import waves
+
+MODES = 12
+
+SHORTEST = 0.02
+"""Seconds that a timed run lasts at least."""
+
+TURNS = 3
+"""How many turns are taken for one repeat: what is skipped may be a small part of a run."""
+
+Run = Callable[[], object]
+
+
+class Pair(NamedTuple):
+    """Something that a scene may lack, in a model: without it, and with it in vain."""
+
+    skipped: str
+    model: str
+    without: Run
+    general: Run
+
+
+@dataclass(frozen=True)
+class Undamped(Scene):
+    """A scene whose damping is given, as zeros."""
+
+    def damping_values(self, positions=None):
+        return np.zeros_like(self.positions if positions is None else positions)
+
+
+@dataclass(frozen=True)
+class Varied(Scene):
+    """A scene whose modulus is given for every particle, and differs by a rounding."""
+
+    def modulus(self):
+        values = super().modulus()
+        values[0] = np.nextafter(values[0], np.inf)
+        return values
+
+
+def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
+    """CPU time with and without each thing that a scene may lack.
+
+    Parameters
+    ----------
+    scene : Scene
+        Undamped and unforced, with uniform material, and an exact solution.
+    repeats : int
+
+    Returns
+    -------
+    dict
+        skipped, skipping_model (things,); skipping_seconds without the thing and general_seconds
+        with it in vain, (things, turns) [s].
+    """
+    pairs = _pairs(scene)
+    runs = [run for pair in pairs for run in (pair.without, pair.general)]
+    numbers = [timing.warm_up(run, SHORTEST) for run in runs]
+    seconds = timing.measure(runs, TURNS * repeats, numbers)
+    return {
+        "skipped": np.array([pair.skipped for pair in pairs]),
+        "skipping_model": np.array([pair.model for pair in pairs]),
+        "skipping_seconds": seconds[::2],
+        "general_seconds": seconds[1::2],
+    }
+
+
+def _pairs(scene: Scene) -> list[Pair]:
+    settings = {name: getattr(scene, name) for name in scene.__dataclass_fields__}
+    forced = replace(scene, force_time=Expression("0*t", ("t",), {}))
+    undamped, varied = Undamped(**settings), Varied(**settings)
+    kept = np.zeros((2, scene.error_times.size, scene.particle_count))
+    last = np.array([0, scene.step_count])
+    ends = np.zeros((2, 2, scene.particle_count))
+
+    def full(case, steps=scene.error_steps, neighbours="stencil", fields=kept):
+        run = sph.prepare(case, steps, neighbours)
+        return lambda: run(*fields)
+
+    def strained(case):
+        run = lifted.prepare(case, "explicit_euler")
+        return lambda: run(*kept)
+
+    rows = waves(scene.particle_count, MODES)
+
+    def jumping(case):
+        prepared = lifted_rom.LiftedModel(case, rows, rows[1:], 1).prepare("lifted_exact")
+        state, velocity0 = prepared.new_state(), case.velocity0()
+        return lambda: prepared.run(velocity0, state)
+
+    coarse = replace(scene, particle_count=scene.particle_count // 4)
+
+    def found(neighbours):
+        return lambda: sph.prepare(scene, last, neighbours)(*ends)
+
+    plain = full(scene)
+    return [
+        Pair("force", "full SPH", plain, full(forced)),
+        Pair("force", "lifted_exact, k = 12", jumping(scene), jumping(forced)),
+        Pair("damping", "full SPH", plain, full(undamped)),
+        Pair("varying modulus", "lifted full model", strained(scene), strained(varied)),
+        Pair("nonlinearity", "full SPH", strained(scene), plain),
+        Pair("neighbour search", "full SPH", found("stencil"), found("lists")),
+        Pair("outputs nobody asked for", "full SPH", full(scene, last, fields=ends), plain),
+        Pair(
+            "numerical reference",
+            "reference solution, N/4",
+            lambda: exact.solve(coarse),
+            lambda: reference.solve_centred(coarse, estimate_error=True),
+        ),
+    ]

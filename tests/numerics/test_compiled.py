@@ -1,0 +1,62 @@
+"""Compiled kernels."""
+
+import re
+
+from numba.core.dispatcher import Dispatcher
+from scenes import VARIED, scene
+
+from sphpod.full import lifted, sph
+from sphpod.numerics import propagator
+from sphpod.reduced import lifted_rom, pod, rom, snapshots
+from sphpod.reference import reference
+
+SAMPLING = {"range": [0, 1], "count": 25}
+SCENES: tuple[dict, ...] = (
+    {},
+    {"damping": 3, "force": "1e-3*cos(9*t)"},
+    VARIED,
+    {"smoothing_ratio": 1.7},
+    {"smoothing_ratio": 3.3},
+    {"youngs_modulus": "where(x < L/2, 0.1, 0.2)", "interface": "mean"},
+)
+
+
+def test_every_kernel_has_one_signature(monkeypatch):
+    """Only so can jobs that compile the same kernel at once not spoil each other's cache."""
+    for changes in SCENES:
+        case = scene(**changes)
+        steps = snapshots.output_steps(case, [SAMPLING])
+        full = sph.solve(case, steps)
+        sph.solve(case, case.error_steps, "lists")
+        reference.solve_paper(case)
+        reference.solve_centred(case)
+        for integrator in lifted.INTEGRATORS:
+            lifted.solve(case, integrator)
+        taken = snapshots.extract(case, SAMPLING, full)
+        modes, energy_modes = pod.decompose(taken), lifted_rom.decompose(case, taken)
+        for ill_conditioned in (1e6, 0):
+            monkeypatch.setattr(lifted_rom, "ILL_CONDITIONED", ill_conditioned)
+            for method in lifted_rom.METHODS:
+                for count in (2, 3, 7):
+                    lifted_rom.build(case, energy_modes, count).prepare(method).solve()
+        for cheaper in (True, False):
+            monkeypatch.setattr(rom, "tensor_is_cheaper", lambda *_, cheaper=cheaper: cheaper)
+            for method in ("original", "linearized", "frozen1", "frozen3"):
+                models = [
+                    rom.ReducedModel(
+                        case, method, modes["velocity_modes"][:k], modes["density_modes"][:k]
+                    )
+                    for k in (1, 2, 3, 7)
+                ]
+                for _ in rom.solve_each(models, case.error_steps):
+                    pass
+    kernels = {
+        f"{module.__name__}.{name}": kernel
+        for module in (sph, reference, rom, lifted, propagator)
+        for name, kernel in vars(module).items()
+        if isinstance(kernel, Dispatcher)
+    }
+    # A kernel that only others call has none where these come from the cache.
+    assert {name for name, kernel in kernels.items() if len(kernel.signatures) > 1} == set()
+    entries = [kernel for name, kernel in kernels.items() if re.search(r"\.(march|rates_of)", name)]
+    assert [len(kernel.signatures) for kernel in entries] == [1] * 11

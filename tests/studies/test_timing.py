@@ -1,0 +1,64 @@
+"""CPU times."""
+
+import numpy as np
+import pytest
+from scenes import VARIED, scene
+
+from sphpod.full import sph
+from sphpod.reduced import pod, snapshots
+from sphpod.studies import timing
+
+
+def test_contenders_of_a_study():
+    case = scene()
+    sampling = {"range": [0, 1], "count": 10}
+    full = sph.solve(case, snapshots.output_steps(case, [sampling]))
+    modes = pod.decompose(snapshots.extract(case, sampling, full))
+    result = timing.compare(case, modes, [2, 4], [1, 10], repeats=3)
+    methods = ["original", "linearized", "frozen1", "frozen10"]
+    assert result["contender"].tolist() == ["sph_neighbour_lists", "sph_stencil", *methods * 2]
+    assert result["contender_mode_count"].tolist() == [0, 0, *[2] * 4, *[4] * 4]
+    assert result["n_freeze"].tolist() == [0, 0, *[0, 0, 1, 10] * 2]
+    assert result["cpu_seconds"].shape == (10, 3)
+    assert np.all(result["cpu_seconds"] > 0)
+
+
+def test_savings_are_the_part_of_each_baseline_that_is_not_taken():
+    measured = {
+        "contender": np.array([*timing.BASELINES, "frozen10"]),
+        "cpu_seconds": np.array([[4.0, 4.0, 5.0], [2.0, 1.0, 2.0], [1.0, 3.0, 1.0]]),
+    }
+    savings = timing.savings(measured)
+    np.testing.assert_allclose(savings["saving_against_sph_neighbour_lists"], [0, 0.5, 0.75])
+    np.testing.assert_allclose(savings["saving_against_sph_stencil"], [-1, 0, 0.5])
+    np.testing.assert_allclose(savings["cpu_seconds_interquartile_range"], [0.5, 0.5, 1])
+
+
+def test_compiled_steps_are_compared_with_the_sparse_loop():
+    measured = timing.compare_steps(scene(), repeats=3, step_count=100)
+    speedups = timing.speedups(measured)
+    assert measured["contender"].tolist() == ["sph_sparse_loop", *timing.BASELINES]
+    assert speedups["speedup_against_sph_sparse_loop"][0] == 1
+    # Far from the ratio that the benchmark reports, so that a busy machine does not fail it.
+    assert speedups["speedup_against_sph_sparse_loop"][2] > 3
+
+
+@pytest.mark.parametrize("changes", [{}, VARIED])
+def test_the_sparse_loop_is_the_same_explicit_euler(changes):
+    case = scene(**changes)
+    velocity, density = timing.sparse_loop(case, 30)
+    result = sph.solve(case, np.array([30]))
+    np.testing.assert_allclose(velocity, result["velocity"][0], rtol=1e-10, atol=1e-15)
+    np.testing.assert_allclose(density, result["density"][0], rtol=1e-12)
+
+
+def test_contenders_take_turns():
+    calls = []
+    timing.measure([lambda: calls.append("a"), lambda: calls.append("b")], 3)
+    assert calls == ["a", "b"] * 3
+
+
+def test_the_machine_is_named():
+    described = timing.machine()
+    assert described["processor"]
+    assert described["blas_threads"] == 1
