@@ -27,57 +27,91 @@ def digest(script):
     return digest_of(ROOT / "workflow" / "scripts" / f"{script}.py")
 
 
-def digest_of(path):
-    for cached in (
-        provenance._tree,
-        provenance._imports,
-        provenance._fingerprint,
-        provenance._versions,
-    ):
+def digest_of(*roots):
+    for cached in (provenance._module, provenance._uses, provenance._structure_of):
         cached.cache_clear()
-    return provenance.digest(path)
+    return provenance.digest(*roots)
 
 
-@pytest.mark.parametrize("script", SCRIPTS, ids=lambda path: path.stem)
-def test_closure_is_what_python_imports(script):
-    # As a module, not as __main__, a script only imports. Nothing may be imported that the closure
-    # lacks; what it holds beyond that is imported later, inside a function.
-    program = (
-        "import runpy, sys; runpy.run_path(sys.argv[1], run_name='script');"
-        "print(*(name for name in sys.modules if name.partition('.')[0] == 'sphpod'))"
-    )
+RUNS = {
+    "full.sph.solve": "sph.solve(scene(), steps)",
+    "full.lifted.solve": "[lifted.solve(scene(**v), 'exact') for v in ({}, VARIED)]",
+    "reference.reference.solve_paper": "reference.solve_paper(scene(**VARIED))",
+    "reduced.lifted_rom.decompose": "lifted_rom.decompose(scene(**VARIED), snapshots)",
+    "stability.growth.measure": "growth.measure(scene(), [1.0, 2.0], 10.0)",
+}
+"""Functions that rules name, and calls of them."""
+
+
+@pytest.mark.parametrize("root", RUNS)
+def test_all_that_runs_is_in_the_closure(root):
+    """Every function of the package that a call enters is one that the digest depends on."""
+    program = f"""
+import sys
+import numpy as np
+from scenes import VARIED, scene
+from sphpod.full import lifted, sph
+from sphpod.reduced import lifted_rom
+from sphpod.reference import reference
+from sphpod.stability import growth
+
+steps = np.arange(0, 11, 5)
+full = sph.solve(scene(), np.arange(0, 101, 5))
+snapshots = {{f"{{field}}_snapshots": full[field] for field in ("velocity", "density")}}
+entered = set()
+
+def enter(frame, event, _):
+    module, name = frame.f_globals.get("__name__") or "", frame.f_code.co_qualname.split(".")[0]
+    if event == "call" and module.startswith("sphpod.") and name[:2] not in ("__", "<m"):
+        entered.add(module.removeprefix("sphpod.") + "." + name)
+
+sys.setprofile(enter)
+{RUNS[root]}
+sys.setprofile(None)
+print(*entered)
+"""
     run = subprocess.run(
-        [sys.executable, "-c", program, script],
-        cwd=ROOT,
-        check=True,
+        [sys.executable, "-c", program],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])},
         capture_output=True,
         text=True,
     )
-    imported = {name.removeprefix("sphpod.") for name in run.stdout.split()} - {"sphpod"}
-    assert imported | {"__init__"} <= set(provenance.closure(script))
+    assert run.returncode == 0, run.stderr
+    entered = set(run.stdout.split())
+    assert root in entered
+    assert entered <= set(provenance.closure(root))
 
 
 @pytest.mark.parametrize("script", ["sph", "reference", "snapshots", "pod", "reduced_model"])
-def test_solvers_depend_neither_on_plotting_nor_on_reading_the_configuration(script):
+def test_solvers_depend_neither_on_figures_nor_on_reading_the_configuration(script):
     closure = provenance.closure(ROOT / "workflow" / "scripts" / f"{script}.py")
+    assert closure
     assert not [name for name in closure if name.startswith(("figures", "config", "paper"))]
 
 
 def test_imports_of_every_form_are_found(package, tmp_path):
     for name, text in {
-        "a": "from . import b",
-        "b": "from .c import something",
-        "c": "def late():\n    import sphpod.d",
-        "d": "from sphpod import e, __version__",
-        "e": "import numpy",
+        "a": "from sphpod import b\ndef anything():\n    b.thing()\ndef other():\n    b.other()",
+        "b": "from sphpod.c import something as thing\nother = 1",
+        "c": "def something():\n    import sphpod.d\n    return sphpod.d",
+        "d": "from sphpod.e import value as e, unused\nall_of_it = e",
+        "e": "value = [0]\nvalue[0] = seen = 1\nunused = 2\nif seen:\n    late = 3",
     }.items():
         (package / f"{name}.py").write_text(text)
     script = tmp_path / "script.py"
-    script.write_text("from sphpod.a import anything")
-    assert provenance.closure(script) == ("__init__", "a", "b", "c", "d", "e")
+    script.write_text("from sphpod.a import anything\nanything()")
+    expected = ("a.anything", "c.something", "d.all_of_it", "e.late", "e.seen", "e.value")
+    assert provenance.closure(script) == ("__init__.__version__", *expected)
+    assert provenance.closure("a.anything") == provenance.closure(script)
     other = tmp_path / "other.py"
     other.write_text("import numpy")
-    assert provenance.closure(other) == ()
+    assert provenance.closure(other) == ("__init__.__version__",)
+
+
+def test_unknown_functions_are_refused():
+    for root in ("full.sph.solves", "full.spf.solve", "solve", "full.sph"):
+        with pytest.raises(ValueError, match=f"^{root}: sphpod has no such function$"):
+            provenance.digest(root)
 
 
 def test_comments_docstrings_and_layout_do_not_count(package):
@@ -88,23 +122,22 @@ def test_comments_docstrings_and_layout_do_not_count(package):
     sph.write_text(text.replace('"""', '"""Another beginning. ', 1) + "\n\n\n# And an end.\n")
     assert digest("sph") == before
     kernel = package / "scene" / "kernel.py"
-    kernel.write_text(kernel.read_text() + '\n\ndef more():\n    """Told at length."""\n')
-    changed = digest("sph")
-    kernel.write_text(kernel.read_text().replace("Told at length.", "Told in short."))
-    assert digest("sph") == changed
+    kernel.write_text(kernel.read_text() + '\n\ndef more():\n    """Nobody calls it."""\n')
+    assert digest("sph") == before
     scene = package / "scene" / "scene.py"
     told = '"""Stands for a damping or force that a scene does not have."""'
     assert told in scene.read_text()
     scene.write_text(scene.read_text().replace(told, '"""What a value behind it is told as."""'))
-    assert digest("sph") == changed
+    assert digest("sph") == before
 
 
 def test_code_counts_where_it_is_used(package):
     scripts = ("sph", "pod", "figure")
     before = [digest(script) for script in scripts]
-    (package / "reduced" / "pod.py").write_text(
-        (package / "reduced" / "pod.py").read_text() + "\nMORE = 1\n"
-    )
+    pod = package / "reduced" / "pod.py"
+    text = pod.read_text()
+    assert "def modes(" in text
+    pod.write_text(text.replace("def modes(", "def modes(more=1, *, "))
     changed = [digest(script) != old for script, old in zip(scripts, before, strict=True)]
     assert changed == [False, True, False]
 
