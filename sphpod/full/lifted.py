@@ -40,7 +40,7 @@ INTEGRATORS = (*FIXED_STEP, *ADAPTIVE, "exact")
 NO_LISTS = np.zeros(0, np.uint64), np.zeros(0, np.uint64), ABSENT
 """Stands for the neighbour lists that evenly spaced particles do not need."""
 
-VALUES_AT_ONCE = 2**20
+VALUES_AT_ONCE = 2**18
 """Values of a field between outputs that are looked at together, which bounds the memory."""
 
 FIELDS_AT_ONCE = 64

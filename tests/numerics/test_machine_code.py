@@ -16,6 +16,8 @@ from numba.core.dispatcher import Dispatcher
 import sphpod
 from sphpod.numerics import machine_code
 
+pytestmark = pytest.mark.workflow
+
 INNER = """
 from sphpod.numerics.compiled import compiled
 from sphpod.constants import SHIFT

@@ -6,6 +6,7 @@ import sys
 
 import numpy as np
 import pytest
+import scenes
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -160,7 +161,7 @@ def test_modes_are_the_same_to_the_last_bit_for_any_number_of_threads():
         for array in (*pod.modes(velocity), *modes.values()):
             print(sha256(array.tobytes()).hexdigest())
     """
-    path = os.pathsep.join([os.getcwd(), os.path.dirname(__file__)])
+    path = os.pathsep.join([os.getcwd(), os.path.dirname(scenes.__file__)])
     printed = {
         subprocess.run(
             [sys.executable, "-c", program],

@@ -109,6 +109,8 @@ def processors(tmp_path_factory):
     return results
 
 
+@pytest.mark.workflow
+@pytest.mark.xdist_group("processors")
 def test_the_processors_round_differently(processors):
     own, other = processors
     differing = [key for key in own if not np.array_equal(own[key], other[key], equal_nan=True)]
@@ -116,6 +118,8 @@ def test_the_processors_round_differently(processors):
     assert "uniform10/density_modes" in differing
 
 
+@pytest.mark.workflow
+@pytest.mark.xdist_group("processors")
 @pytest.mark.parametrize("field", FIELDS)
 @pytest.mark.parametrize("sampling", ["uniform10", "early5"])
 def test_modes_are_the_same_on_both_where_they_are_resolved(processors, sampling, field):
@@ -131,6 +135,8 @@ def test_modes_are_the_same_on_both_where_they_are_resolved(processors, sampling
     assert np.all(change[known] <= 5 * pod.ROUNDING_LEVEL)
 
 
+@pytest.mark.workflow
+@pytest.mark.xdist_group("processors")
 @pytest.mark.parametrize("sampling", ["uniform10", "early5"])
 def test_errors_are_the_same_on_both_where_modes_are_resolved(processors, sampling):
     own, other = (

@@ -125,7 +125,7 @@ def test_the_lifted_full_model_does_not_fold_between_outputs(integrator, changes
 @pytest.mark.parametrize("speed", [0.15, 0.45])
 def test_an_interval_of_many_waves_is_looked_at_in_little_memory(changes, speed):
     """However many times between two outputs there are to look at, few are held together."""
-    interval, count = 3.2, 2000
+    interval, count = 3.2, 1000
     case = scene(
         "excited", duration=interval, error_interval=interval, time_step=interval / 3200,
         youngs_modulus=0.09765625, particle_count=count,

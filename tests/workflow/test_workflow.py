@@ -20,7 +20,8 @@ from sphpod.pipeline import dataset
 from sphpod.scene.scene import Scene
 
 ROOT = Path(__file__).parents[2]
-pytestmark = pytest.mark.workflow
+# One build serves many tests, so that they run in one process.
+pytestmark = [pytest.mark.workflow, pytest.mark.xdist_group("workflow")]
 
 SOURCES = ("Snakefile", "config", "profiles", "sphpod", "workflow")
 # The rules whose results are measured times, and what is computed from those.
