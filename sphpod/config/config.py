@@ -9,6 +9,7 @@ import difflib
 import math
 import re
 import sys
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -121,7 +122,7 @@ def load(
         "benchmark": DEFAULT_BENCHMARK | settings.get("benchmark", {}),
     }
     resolved["stability"] = _resolved_stability(settings.get("stability", {}), resolved["scenes"])
-    _check_figure_names(resolved)
+    _name_figures(resolved)
     _check_benchmark(resolved)
     return resolved
 
@@ -607,12 +608,8 @@ def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) ->
         raise _refusal(
             name, f"{key}.kind", kind, "a spectrum is drawn of evenly spaced particles only"
         )
-    parts = [name, kind] if sampling is None else [name, sampling, kind]
     of_what = name if sampling is None else f"{name}, snapshots {sampling}"
-    defaults: dict[str, Any] = {
-        "name": "_".join(parts),
-        "caption": f"{FIGURE_CAPTIONS[kind]}: {of_what}.",
-    }
+    defaults: dict[str, Any] = {"caption": f"{FIGURE_CAPTIONS[kind]}: {of_what}."}
     if kind == "profile":
         defaults["fields"] = list(DEFAULT_FIELDS)
     return defaults | figure
@@ -753,21 +750,38 @@ def _edge_scene(name: str, settings: dict[str, Any], others: Mapping[str, Any]) 
     return scene
 
 
-def _check_figure_names(config: dict[str, Any]) -> None:
-    seen: dict[str, str] = {}
+def distinct_names(parts: Sequence[Sequence[str]]) -> list[str]:
+    """A name for each sequence of names: joined by underscores, unless that is another's too.
+
+    Names of scenes and samplings hold no hyphen, so that joined by hyphens no two are the same.
+    """
+    joined = Counter("_".join(names) for names in parts)
+    return [("_" if joined["_".join(names)] == 1 else "-").join(names) for names in parts]
+
+
+def _name_figures(config: dict[str, Any]) -> None:
+    """Give each figure that has no name one of its own, and refuse names that stand twice.
+
+    Upper and lower case count as the same letter, as they do in the file names of some systems.
+    """
     drawn = [(None, f"illustrations.{i}", f) for i, f in enumerate(config["illustrations"])]
     drawn += [
         (scene, f"figures.{i}", f)
         for scene, settings in config["scenes"].items()
         for i, f in enumerate(settings["figures"])
     ]
+    nameless = [(scene, figure) for scene, _, figure in drawn if scene and "name" not in figure]
+    parts = [[s, *([f["sampling"]] if "sampling" in f else []), f["kind"]] for s, f in nameless]
+    for (_, figure), name in zip(nameless, distinct_names(parts), strict=True):
+        figure["name"] = name
+    seen: dict[str, str] = {}
     for scene, key, figure in drawn:
-        place = f"scene {scene}, {key}" if scene else key
-        if figure["name"] in seen:
+        name = figure["name"]
+        if name.lower() in seen:
             raise _refusal(
                 scene,
                 f"{key}.name",
-                figure["name"],
-                f"this name is taken by {seen[figure['name']]}; every figure needs its own",
+                name,
+                f"this name is taken by {seen[name.lower()]}; every figure needs its own",
             )
-        seen[figure["name"]] = place
+        seen[name.lower()] = f"scene {scene}, {key}" if scene else key

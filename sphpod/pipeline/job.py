@@ -7,10 +7,12 @@ relative to the folder that result and log have in common, so that results are t
 they are made.
 """
 
+import atexit
 import hashlib
 import json
 import logging
 import os
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -24,7 +26,10 @@ _LINE = f"INFO {__name__}: "
 
 
 def start(snakemake: Any) -> dict[str, Any]:
-    """Begin the log of a job with what it was given, and return that: plain JSON types.
+    """Begin the log of a job, which ends with what it was given, and return that: JSON types.
+
+    The log of a job that fails or is killed keeps what the last one was given that succeeded, so
+    that what has been made of its results is still known to be out of date.
 
     Parameters
     ----------
@@ -36,7 +41,11 @@ def start(snakemake: Any) -> dict[str, Any]:
     ValueError
         For an input that is not what its rule wrote.
     """
-    log.start(snakemake.log[0])
+    path = snakemake.log[0]
+    before = given_in_log(path) if os.path.exists(path) else None
+    log.start(path)
+    if before:
+        _record(before)
     root = os.path.commonpath([*snakemake.output, *snakemake.log])
 
     def relative(paths: Iterable[str]) -> list[str]:
@@ -57,8 +66,18 @@ def start(snakemake: Any) -> dict[str, Any]:
             if os.path.getsize(path) <= CHECKSUM_LIMIT
         },
     }
-    logging.getLogger(__name__).info(json.dumps(told))
+    atexit.register(_record_success, told)
     return told
+
+
+def _record(told: dict[str, Any]) -> None:
+    logging.getLogger(__name__).info(json.dumps(told))
+
+
+def _record_success(told: dict[str, Any]) -> None:
+    # Python keeps here the exception that nobody caught.
+    if not hasattr(sys, "last_value"):
+        _record(told)
 
 
 def given(path: str | os.PathLike[str]) -> dict[str, Any] | None:
@@ -76,10 +95,13 @@ def given(path: str | os.PathLike[str]) -> dict[str, Any] | None:
 
 
 def given_in_log(path: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """The same of the job that wrote a log; None where it does not tell, or is another job's."""
+    """The same of the last job that wrote a log and succeeded.
+
+    None where the log does not tell, or is another job's.
+    """
     with open(path, encoding="utf-8", errors="replace") as file:
-        lines = (line.removeprefix(_LINE) for line in file if line.startswith(_LINE))
-        told = json.loads(next(lines, "null"))
+        lines = [line.removeprefix(_LINE) for line in file if line.startswith(_LINE)]
+    told = json.loads(lines[-1]) if lines else None
     return told if told and _is_one_of(path, told["log"]) else None
 
 

@@ -65,9 +65,7 @@ def digest(*roots: str | os.PathLike[str]) -> str:
         There is no such function.
     """
     used = _used(roots)
-    code = [
-        f"{name}\n{_structure_of(name, n)}" for name in sorted(used) for n in sorted(used[name])
-    ]
+    code = [_structure_of(module, number) for module in sorted(used) for number in used[module]]
     libraries = [f"{library} {metadata.version(library)}" for library in LIBRARIES]
     return hashlib.sha256("\n".join((*code, *libraries)).encode()).hexdigest()[:16]
 
@@ -200,7 +198,10 @@ def _imported(node: ast.ImportFrom) -> Iterator[tuple[str, tuple[str, str]]]:
         if inside := _inside(f"{node.module}.{alias.name}"):
             parent, _, last = inside.rpartition(".")
             is_module = _is_module(inside)
-            yield alias.asname or alias.name, (inside, ALL) if is_module else (parent, last)
+            yield (
+                alias.asname or alias.name,
+                (inside, ALL) if is_module else (parent or "__init__", last),
+            )
 
 
 def _inside(name: str) -> str:

@@ -110,7 +110,6 @@ def processors(tmp_path_factory):
 
 
 @pytest.mark.workflow
-@pytest.mark.xdist_group("processors")
 def test_the_processors_round_differently(processors):
     own, other = processors
     differing = [key for key in own if not np.array_equal(own[key], other[key], equal_nan=True)]
@@ -119,7 +118,6 @@ def test_the_processors_round_differently(processors):
 
 
 @pytest.mark.workflow
-@pytest.mark.xdist_group("processors")
 @pytest.mark.parametrize("field", FIELDS)
 @pytest.mark.parametrize("sampling", ["uniform10", "early5"])
 def test_modes_are_the_same_on_both_where_they_are_resolved(processors, sampling, field):
@@ -136,7 +134,6 @@ def test_modes_are_the_same_on_both_where_they_are_resolved(processors, sampling
 
 
 @pytest.mark.workflow
-@pytest.mark.xdist_group("processors")
 @pytest.mark.parametrize("sampling", ["uniform10", "early5"])
 def test_errors_are_the_same_on_both_where_modes_are_resolved(processors, sampling):
     own, other = (

@@ -20,8 +20,7 @@ from sphpod.pipeline import dataset
 from sphpod.scene.scene import Scene
 
 ROOT = Path(__file__).parents[2]
-# One build serves many tests, so that they run in one process.
-pytestmark = [pytest.mark.workflow, pytest.mark.xdist_group("workflow")]
+pytestmark = pytest.mark.workflow
 
 SOURCES = ("Snakefile", "config", "profiles", "sphpod", "workflow")
 # The rules whose results are measured times, and what is computed from those.
@@ -163,9 +162,9 @@ def edited(path, old, new):
 @pytest.mark.parametrize(
     ("module", "old", "new"),
     [
-        ("sph", '"""', '"""Told otherwise. '),
-        ("plotting", '"""', '"""Told otherwise. '),
-        ("rom", "\nimport ", "\n# A comment.\nimport "),
+        ("full/sph", '"""', '"""Told otherwise. '),
+        ("figures/plotting", '"""', '"""Told otherwise. '),
+        ("reduced/rom", "\nimport ", "\n# A comment.\nimport "),
     ],
 )
 def test_words_make_nothing_anew(built, module, old, new):
@@ -174,14 +173,18 @@ def test_words_make_nothing_anew(built, module, old, new):
 
 
 def test_a_plot_makes_only_figures_anew(built):
-    with edited(built / "sphpod" / "plotting.py", "\nPAGE_WIDTH = ", "\nPAGE_WIDTH = 0.5 * "):
+    with edited(
+        built / "sphpod" / "figures" / "plotting.py", "\nPAGE_WIDTH = ", "\nPAGE_WIDTH = 0.5 * "
+    ):
         assert planned(built) == {"figure"}
-    with edited(built / "sphpod" / "style.mplstyle", "font.size: ", "font.size: 1"):
+    with edited(built / "sphpod/figures/style.mplstyle", "font.size: ", "font.size: 1"):
         assert planned(built) == {"figure"}
 
 
 def test_code_makes_anew_what_uses_it(built):
-    with edited(built / "sphpod" / "pod.py", "ROUNDING_LEVEL = ", "ROUNDING_LEVEL = 2 * "):
+    with edited(
+        built / "sphpod" / "reduced" / "pod.py", "ROUNDING_LEVEL = ", "ROUNDING_LEVEL = 2 * "
+    ):
         rules = planned(built)
     assert {"pod", "reduced_model", "acceleration", "cpu_time", "figure"} <= rules
     assert not {"sph", "reference", "errors", "snapshots"} & rules
@@ -263,6 +266,26 @@ def test_the_same_is_made_anew_without_what_snakemake_keeps(benchmarked, bare, t
     assert "graded: reference solution, centred" in jobs[bare]
     assert ("graded: full SPH" in jobs[bare]) is (change != "kernel")
     assert ("waves: full SPH" in jobs[bare]) is (change == "library")
+
+
+def test_what_a_failed_job_leaves_behind_is_out_of_date(built, tmp_path):
+    """What was made of its result too, with what Snakemake keeps and without."""
+    kept, bare = tmp_path / "kept", tmp_path / "bare"
+    shutil.copytree(built, kept)
+    script = kept / "workflow/scripts/pod.py"
+    start = "given = job.start(snakemake)\n"
+    text = script.read_text()
+    assert start in text
+    script.write_text(text.replace(start, f"{start}    raise ValueError('this fails')\n"))
+    run = snakemake(kept, "--", "small/results/waves/uniform10/pod.nc")
+    assert run.returncode == 1
+    assert "this fails" in run.stderr
+    assert not (kept / "small/results/waves/uniform10/pod.nc").exists()
+    shutil.copytree(kept, bare, ignore=shutil.ignore_patterns(".snakemake"))
+    jobs = [made_anew(folder, "all")[0] for folder in (kept, bare)]
+    assert jobs[0] == jobs[1]
+    sweep = "waves: original reduced model with 1-10 modes of uniform10"
+    assert {"waves: modes of the snapshots uniform10", sweep} <= set(jobs[0])
 
 
 def test_modes_of_another_configuration_are_made_anew(built):
@@ -446,12 +469,14 @@ def test_benchmarks_are_told_in_tables(benchmarked):
 
 def test_only_measurements_whose_code_changed_are_made_anew(benchmarked):
     package = benchmarked / "sphpod"
-    with edited(package / "benchmark_plots.py", "\nAS_ACCURATE = ", "\nAS_ACCURATE = 2 * "):
+    with edited(
+        package / "figures" / "benchmark_plots.py", "\nAS_ACCURATE = ", "\nAS_ACCURATE = 2 * "
+    ):
         assert planned(benchmarked, "--", "benchmarks") == {"benchmark_figure"}
         assert planned(benchmarked) == set()
     with (
-        edited(package / "error_bound.py", "\nEXCESS = ", "\nEXCESS = 2 * "),
-        edited(package / "skipping.py", "\nMODES = ", "\nMODES = 2 * "),
+        edited(package / "reduced" / "error_bound.py", "\nEXCESS = ", "\nEXCESS = 2 * "),
+        edited(package / "studies" / "skipping.py", "\nMODES = ", "\nMODES = 2 * "),
     ):
         rules = planned(benchmarked, "--", "benchmarks")
     tables = {"certificates", "thresholds", "timing_table"}
@@ -675,10 +700,11 @@ def test_bad_input_stops_before_any_job(built, arguments, sentence):
 
 
 @pytest.mark.parametrize(
-    ("study", "name"), [("map", "stability_map_a_b_c"), ("acceleration", "benchmark_a_b_c")]
+    ("study", "target", "start"),
+    [("map", "stability", "stability-map"), ("acceleration", "benchmarks", "benchmark")],
 )
-def test_figures_of_scenes_and_samplings_whose_joined_names_are_one_are_refused(
-    built, tmp_path, study, name
+def test_figures_of_scenes_and_samplings_whose_joined_names_are_one_have_two(
+    built, tmp_path, study, target, start
 ):
     """Not drawn over each other; nothing but figures has a joined name."""
     scene = yaml.safe_load((built / "config/small.yaml").read_text())["scenes"]["waves"]
@@ -693,24 +719,13 @@ def test_figures_of_scenes_and_samplings_whose_joined_names_are_one_are_refused(
     stability = {"map": pairs if study == "map" else {}, "amplitude": {}, "snapshots": {}}
     settings = {"output": "own", "scenes": scenes, "stability": stability}
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings, sort_keys=False))
-    config = ["--dry-run", "--configfile", str(tmp_path / "own.yaml")]
+    config = ["--dry-run", "--configfile", str(tmp_path / "own.yaml"), "--", target]
     run = subprocess.run(command(*config), cwd=built, capture_output=True, text=True, check=False)
-    assert run.returncode == 1
-    said = [line for line in run.stderr.splitlines() if line.startswith("sphpod: ")]
-    assert len(said) == 1
-    assert said[0].startswith(f"sphpod: figure = {name}: this is the name of kind")
-    assert "scene a_b, sampling c" in said[0]
-    assert "scene a, sampling b_c" in said[0]
-    stability["map"] = {}
-    for one in scenes.values():
-        one["acceleration"] = {}
-    (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings, sort_keys=False))
-    run = subprocess.run(
-        command(*config, "--", "stability"), cwd=built, capture_output=True, text=True, check=False
-    )
-    assert run.returncode == 0, run.stderr
-    for one, sampling in pairs.items():
-        assert f"own/results/{one}/{sampling}/operators.nc" in run.stdout + run.stderr
+    said = run.stdout + run.stderr
+    assert run.returncode == 0, said
+    figures = set(re.findall(r"own/figures/([\w-]+)\.pdf", said))
+    assert {f"{start}-a_b-c", f"{start}-a-b_c"} <= figures
+    assert f"{start.replace('-', '_')}_random_a" in figures
 
 
 def test_a_failing_job_says_why_in_one_sentence(built):

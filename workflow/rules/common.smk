@@ -54,15 +54,13 @@ FIGURES = {figure["name"]: figure for figure in CONFIG["illustrations"]} | {
 
 
 def by_name(figures, others):
-    """Figures by name; one that would have the name of another ends the run."""
+    """Figures, each given with the parts of its name, by names that no other may have."""
     found = {}
-    for name, figure in figures:
-        if name in found or name in others:
+    for name, (_, figure) in zip(distinct_names([parts for parts, _ in figures]), figures):
+        if name in others:
             both = " and of ".join(
-                ", ".join(
-                    f"{key} {one[key]}" for key in ("kind", "scene", "sampling") if key in one
-                )
-                for one in (figure, (found | others)[name])
+                ", ".join(f"{key} {one[key]}" for key in ("kind", "scene") if key in one)
+                for one in (figure, others[name])
             )
             stop(f"figure = {name}: this is the name of {both}; every figure needs its own")
         found[name] = figure
@@ -72,7 +70,7 @@ def by_name(figures, others):
 # What the benchmarks draw is no part of the paper, and not of the default target.
 BENCHMARK_FIGURES = [
     (
-        f"benchmark_{name}_{sampling}",
+        ("benchmark", name, sampling),
         {
             "kind": "work_precision",
             "scene": name,
@@ -94,10 +92,10 @@ if "step_scene" in CONFIG["benchmark"]:
         "section": "benchmarks",
         "caption": "Time and memory of a step against particles and modes, full and reduced models.",
     }
-    BENCHMARK_FIGURES.append(("benchmark_scaling", scaling))
+    BENCHMARK_FIGURES.append((("benchmark", "scaling"), scaling))
 BENCHMARK_FIGURES = by_name(BENCHMARK_FIGURES, FIGURES)
 STABILITY_FIGURES = [
-    (f"stability_{kind}", {"kind": kind, "section": "stability", "caption": caption})
+    (("stability", kind), {"kind": kind, "section": "stability", "caption": caption})
     for kind, caption, drawn in (
         (
             "limits",
@@ -124,7 +122,7 @@ STABILITY_FIGURES = [
 ]
 STABILITY_FIGURES += [
     (
-        f"stability_{study}_{name}_{sampling}",
+        ("stability", study, name, sampling),
         {
             "kind": kind,
             "scene": name,
