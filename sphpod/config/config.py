@@ -755,7 +755,7 @@ def distinct_names(parts: Sequence[Sequence[str]]) -> list[str]:
 
     Names of scenes and samplings hold no hyphen, so that joined by hyphens no two are the same.
     """
-    joined = Counter("_".join(names) for names in parts)
+    joined = Counter("_".join(names) for names in set(map(tuple, parts)))
     return [("_" if joined["_".join(names)] == 1 else "-").join(names) for names in parts]
 
 
@@ -764,7 +764,9 @@ def _name_figures(config: dict[str, Any]) -> None:
 
     Upper and lower case count as the same letter, as they do in the file names of some systems.
     """
-    drawn = [(None, f"illustrations.{i}", f) for i, f in enumerate(config["illustrations"])]
+    drawn: list[tuple[str | None, str, dict[str, Any]]] = [
+        (None, f"illustrations.{i}", f) for i, f in enumerate(config["illustrations"])
+    ]
     drawn += [
         (scene, f"figures.{i}", f)
         for scene, settings in config["scenes"].items()

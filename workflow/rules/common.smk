@@ -15,6 +15,7 @@ from sphpod.reduced import snapshots
 from sphpod.config.config import (
     ConfigError,
     check_modes,
+    distinct_names,
     load,
     parse_modes,
     parse_tolerance,
