@@ -134,7 +134,7 @@ def energy_growth(scene):
     float
         Energy after T, of that at the start. NaN if the scene is damped or forced, or so nearly at
         rest that more than a thousandth of it may come from rounding
-        (`sphpod.stability.growth.Waves`).
+        (`sphpod.studies.growth.Waves`).
     """
     if not scene.is_conservative:
         return np.nan

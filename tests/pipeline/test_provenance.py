@@ -53,7 +53,7 @@ from scenes import VARIED, scene
 from sphpod.full import lifted, sph
 from sphpod.reduced import lifted_rom
 from sphpod.reference import reference
-from sphpod.stability import growth
+from sphpod.studies import growth
 
 steps = np.arange(0, 11, 5)
 full = sph.solve(scene(), np.arange(0, 101, 5))

@@ -14,8 +14,7 @@ from sphpod.numerics import error
 from sphpod.reduced import certificate, lifted_rom, pod, rom, snapshots
 from sphpod.reference import exact, reference
 from sphpod.scene import waves
-from sphpod.stability import growth, limits, stability_map
-from sphpod.studies import benchmark, comparison, poor_snapshots
+from sphpod.studies import benchmark, comparison, growth, poor_snapshots, stability_map, time_steps
 
 pytestmark = pytest.mark.filterwarnings("error")
 
@@ -186,5 +185,5 @@ def test_models_without_a_wave_have_maps_and_limits(name):
     np.testing.assert_allclose(mapped["map_time_step"][[0, -1]], ends)
     assert not mapped["mode_growth"][1].any()
     check_layout(stability_plots.stability_map(stability_map.of_damping(case, 3), mapped))
-    found = limits.reduced(case, [2], modes, energy_modes)
+    found = time_steps.reduced(case, [2], modes, energy_modes)
     check_layout(stability_plots.limits({(case.name, "early"): found}))

@@ -9,8 +9,8 @@ from scenes import VARIED, scene
 from sphpod.full import lifted
 from sphpod.scene.kernel import stencil_weights
 from sphpod.stability import spectrum
-from sphpod.stability.limits import march_full
 from sphpod.stability.spectrum import Block, FullSpectrum
+from sphpod.studies.time_steps import march_full
 
 UNFORCED = {name: text for name, text in VARIED.items() if name != "force"}
 SETTINGS = {

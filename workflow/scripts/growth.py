@@ -2,7 +2,7 @@
 
 from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
-from sphpod.stability import growth
+from sphpod.studies import growth
 
 if __name__ == "__main__":
     given = job.start(snakemake)

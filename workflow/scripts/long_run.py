@@ -2,7 +2,7 @@
 
 from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
-from sphpod.stability import reduced_operators
+from sphpod.studies import operators
 
 if __name__ == "__main__":
     given = job.start(snakemake)
@@ -13,7 +13,7 @@ if __name__ == "__main__":
     horizon = snakemake.params.horizon_factor * scene.duration
     dataset.write(
         snakemake.output[0],
-        reduced_operators.long_run(scene, count, modes, energy_modes, horizon),
+        operators.long_run(scene, count, modes, energy_modes, horizon),
         title=f"Models of {scene.name} over {horizon:g} s",
         settings=settings | {"mode_counts": [count], "horizon": horizon},
         code=snakemake.params.code,

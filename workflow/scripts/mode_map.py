@@ -2,7 +2,7 @@
 
 from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
-from sphpod.stability import stability_map
+from sphpod.studies import stability_map
 
 if __name__ == "__main__":
     given = job.start(snakemake)

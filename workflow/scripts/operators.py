@@ -2,7 +2,7 @@
 
 from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
-from sphpod.stability import reduced_operators
+from sphpod.studies import operators
 
 if __name__ == "__main__":
     given = job.start(snakemake)
@@ -16,7 +16,7 @@ if __name__ == "__main__":
     taken = dataset.read(snakemake.input.snapshots, "density_snapshots")["density_snapshots"]
     dataset.write(
         snakemake.output[0],
-        reduced_operators.of_samplings(scene, counts, modes, energy_modes, taken),
+        operators.of_samplings(scene, counts, modes, energy_modes, taken),
         title=f"Spectra of reduced operators of {scene.name}",
         settings=settings | {"mode_counts": counts},
         code=snakemake.params.code,

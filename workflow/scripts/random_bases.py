@@ -2,7 +2,7 @@
 
 from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
-from sphpod.stability import reduced_operators
+from sphpod.studies import operators
 
 if __name__ == "__main__":
     given = job.start(snakemake)
@@ -11,7 +11,7 @@ if __name__ == "__main__":
     count = snakemake.params.bases
     dataset.write(
         snakemake.output[0],
-        reduced_operators.of_random_bases(scene, count, snakemake.params.seed),
+        operators.of_random_bases(scene, count, snakemake.params.seed),
         title=f"Spectra of operators of {name} on random bases",
         settings={"scene": name, **physics, "random_bases": count},
         code=snakemake.params.code,

@@ -2,7 +2,7 @@
 
 from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
-from sphpod.stability import reduced_operators
+from sphpod.studies import operators
 
 if __name__ == "__main__":
     given = job.start(snakemake)
@@ -10,7 +10,7 @@ if __name__ == "__main__":
     scene = Scene.from_settings(name, physics)
     dataset.write(
         snakemake.output[0],
-        reduced_operators.example(scene, seed=0),
+        operators.example(scene, seed=0),
         title=f"A model of {name} on random modes that grows",
         settings={"scene": name, **physics},
         code=snakemake.params.code,

@@ -2,7 +2,7 @@
 
 from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
-from sphpod.stability import limits
+from sphpod.studies import time_steps
 
 if __name__ == "__main__":
     given = job.start(snakemake)
@@ -15,7 +15,7 @@ if __name__ == "__main__":
     )
     dataset.write(
         snakemake.output[0],
-        limits.reduced(scene, counts, modes, energy_modes),
+        time_steps.reduced(scene, counts, modes, energy_modes),
         title=f"Stable time steps of reduced models of {scene.name}",
         settings=settings | {"mode_counts": counts},
         code=snakemake.params.code,

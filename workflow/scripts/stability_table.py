@@ -3,14 +3,23 @@
 import pandas as pd
 
 from sphpod.pipeline import dataset, job
-from sphpod.stability import growth, limits, reduced_operators
-from sphpod.studies import amplitude, detection, edge_scenes, machine, poor_snapshots, smoothing
+from sphpod.studies import (
+    amplitude,
+    detection,
+    edge_scenes,
+    growth,
+    machine,
+    operators,
+    poor_snapshots,
+    smoothing,
+    time_steps,
+)
 
 ROWS = {
-    "stability": limits.rows,
+    "stability": time_steps.rows,
     "growth": growth.rows,
-    "operators": reduced_operators.rows,
-    "random_bases": lambda place, arrays: [reduced_operators.random_row(place, arrays)],
+    "operators": operators.rows,
+    "random_bases": lambda place, arrays: [operators.random_row(place, arrays)],
     "smoothing": smoothing.rows,
     "amplitude": amplitude.rows,
     "poor_snapshots": poor_snapshots.rows,

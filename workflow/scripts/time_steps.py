@@ -2,7 +2,7 @@
 
 from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
-from sphpod.stability import limits
+from sphpod.studies import time_steps
 
 if __name__ == "__main__":
     given = job.start(snakemake)
@@ -10,7 +10,7 @@ if __name__ == "__main__":
     scene = Scene.from_settings(name, physics)
     dataset.write(
         snakemake.output[0],
-        limits.full(scene),
+        time_steps.full(scene),
         title=f"Stable time steps of full models of {name}",
         settings={"scene": name, **physics},
         code=snakemake.params.code,

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from scenes import VARIED, scene
 
 from sphpod.full import energy, lifted, sph
-from sphpod.stability import growth
-from sphpod.stability.growth import Waves
+from sphpod.studies import growth
+from sphpod.studies.growth import Waves
 
 GRADED = {key: VARIED[key] for key in ("initial_density", "youngs_modulus")}
 

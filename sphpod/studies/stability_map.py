@@ -13,7 +13,8 @@ from sphpod.numerics.expressions import Expression
 from sphpod.reduced import lifted_rom
 from sphpod.scene.scene import Scene
 from sphpod.scene.waves import fastest_wave
-from sphpod.stability.limits import (
+from sphpod.stability.spectrum import euler_limits, frequencies, splitting_limit, wave_rates
+from sphpod.studies.time_steps import (
     SEED,
     Arrays,
     blur,
@@ -23,7 +24,6 @@ from sphpod.stability.limits import (
     march_galerkin,
     march_lifted,
 )
-from sphpod.stability.spectrum import euler_limits, frequencies, splitting_limit, wave_rates
 
 MAPPED = ("explicit_euler", "leapfrog")
 """Integrators of the map over damping."""
@@ -94,7 +94,7 @@ def of_modes(
     Parameters
     ----------
     scene, mode_counts, modes, energy_modes
-        As in `limits.reduced`.
+        As in `time_steps.reduced`.
     size : int
         Time steps.
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 from scenes import scene
-from test_limits import KINDS, THREE_WAVES, decomposed, fits_dataset
+from test_time_steps import KINDS, THREE_WAVES, decomposed, fits_dataset
 
 from sphpod.reduced import lifted_rom
-from sphpod.stability import stability_map
 from sphpod.stability.spectrum import FullSpectrum
+from sphpod.studies import stability_map
 
 
 @pytest.mark.parametrize("kind", ["plain", "damped"])

@@ -11,8 +11,8 @@ from scenes import VARIED, scene
 from sphpod.full import sph
 from sphpod.reduced import lifted_rom, pod
 from sphpod.reduced.rom import ReducedModel
-from sphpod.stability import reduced_operators
-from sphpod.stability.reduced_operators import conditioned_rate, growth_rate, rounding_bound
+from sphpod.studies import operators
+from sphpod.studies.operators import conditioned_rate, growth_rate, rounding_bound
 
 GRADED = {key: VARIED[key] for key in ("initial_density", "youngs_modulus")}
 
@@ -46,20 +46,18 @@ def scenes(draw):
 @settings(deadline=None, max_examples=25)
 @given(scenes(), st.integers(0, 99))
 def test_no_random_basis_lets_a_lifted_model_grow(case, seed):
-    found = reduced_operators.of_random_bases(case, 20, seed)
+    found = operators.of_random_bases(case, 20, seed)
     bound = rounding_bound(found["basis_mode_count"], found["random_operator_size"])
     assert (found["random_energy_growth_rate"] <= bound).all()
 
 
 def test_random_bases_are_reproducible_and_of_many_sizes():
-    first, again, other = (
-        reduced_operators.of_random_bases(scene(), 50, seed) for seed in (1, 1, 2)
-    )
+    first, again, other = (operators.of_random_bases(scene(), 50, seed) for seed in (1, 1, 2))
     for name, values in first.items():
         np.testing.assert_array_equal(values, again[name])
         assert not np.array_equal(values, other[name])
     assert {np.ptp(first[name]) > 0 for name in first} == {True}
-    assert first["basis_mode_count"].max() <= 2 * reduced_operators.RANDOM_MODES
+    assert first["basis_mode_count"].max() <= 2 * operators.RANDOM_MODES
 
 
 @pytest.mark.parametrize(
@@ -73,8 +71,8 @@ def test_random_bases_are_reproducible_and_of_many_sizes():
     ids=["uniform", "wide", "graded density", "graded modulus"],
 )
 def test_plain_projections_grow_where_the_material_varies(changes, grows):
-    found = reduced_operators.of_random_bases(scene(**changes), 100, 0)
-    row = reduced_operators.random_row({"scene": "test", "sampling": "random"}, found)
+    found = operators.of_random_bases(scene(**changes), 100, 0)
+    row = operators.random_row({"scene": "test", "sampling": "random"}, found)
     assert row["bases"] == 100
     assert (row["euclidean_growing"] > 10) == grows
     assert (row["euclidean_growing"] == 0) != grows
@@ -87,7 +85,7 @@ def test_samplings(changes):
     case = scene(**changes)
     modes, energy_modes, densities = sampled(case)
     counts = [2, 5, 8]
-    found = reduced_operators.of_samplings(case, counts, modes, energy_modes, densities)
+    found = operators.of_samplings(case, counts, modes, energy_modes, densities)
     assert found["mode_count"].tolist() == counts
     for n, count in enumerate(counts):
         vm, rm = modes["velocity_modes"][:count], modes["density_modes"][:count]
@@ -102,7 +100,7 @@ def test_samplings(changes):
         assert found["operator_size"][n] == pytest.approx(np.linalg.norm(operator, 2))
         bound = rounding_bound(np.array(len(operator)), found["operator_size"][n])
         assert found["energy_growth_rate"][n] <= bound
-    table = list(reduced_operators.rows({"scene": "test", "sampling": "all"}, found))
+    table = list(operators.rows({"scene": "test", "sampling": "all"}, found))
     assert [row["modes"] for row in table] == counts
     assert table[1]["frozen_growth_rate"] == found["frozen_growth_rate"][1]
 
@@ -123,7 +121,7 @@ def test_rounding_is_told_from_growth():
 def test_a_run_of_the_example_grows_as_its_operator_tells():
     # So small that it is as good as linear until the end.
     case = scene(**(GRADED | {"initial_velocity": "1e-7*sin(2*pi*x/L)"}))
-    found = reduced_operators.example(case, 0)
+    found = operators.example(case, 0)
     t, paper, lifted_energy = (found[name] for name in ("t", "paper_energy", "lifted_energy"))
     assert paper[0] == pytest.approx(lifted_energy[0], rel=1e-12)
     late = t > 0.6 * t[-1]
@@ -134,9 +132,7 @@ def test_a_run_of_the_example_grows_as_its_operator_tells():
 
 
 def test_the_example_tells_where_it_broke_down():
-    found = reduced_operators.example(
-        scene(**(GRADED | {"initial_velocity": "0.05*sin(2*pi*x/L)"})), 0
-    )
+    found = operators.example(scene(**(GRADED | {"initial_velocity": "0.05*sin(2*pi*x/L)"})), 0)
     broken = np.isnan(found["paper_energy"])
     assert broken[-1]
     assert (np.diff(broken.astype(int)) >= 0).all()
@@ -148,11 +144,11 @@ def test_a_density_that_modes_do_not_hold_drives_the_papers_model_alone():
     modes, energy_modes, _ = sampled(case)
     for step in (1e-3, 5e-4):
         finer = replace(case, time_step=step)
-        found = reduced_operators.long_run(finer, 2, modes, energy_modes, 20)
+        found = operators.long_run(finer, 2, modes, energy_modes, 20)
         assert found["t"][-1] == pytest.approx(20)
         paper, energetic = (found[f"{name}_energy"] for name in ("paper", "lifted"))
         # A drift, not the steps' own growth: shorter steps do not lessen it.
         assert paper[-1] / paper[0] > 5
         assert energetic[-1] / energetic[0] < 1 + 600 * step
-    enough = reduced_operators.long_run(case, 7, modes, energy_modes, 20)
+    enough = operators.long_run(case, 7, modes, energy_modes, 20)
     np.testing.assert_allclose(enough["paper_energy"], enough["lifted_energy"], rtol=1e-2)

@@ -13,8 +13,8 @@ from sphpod.full import lifted, sph
 from sphpod.pipeline import dataset
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.pod import modes as proper_modes
-from sphpod.stability import limits
 from sphpod.stability.spectrum import FullSpectrum
+from sphpod.studies import time_steps
 
 THREE_WAVES = "1e-3*sum(sin(2*pi*l*x/L + l) for l in range(1, 4))"
 KINDS: dict[str, dict[str, Any]] = {
@@ -43,7 +43,7 @@ def decomposed(case):
 
 
 def differences(arrays):
-    return [row["relative_difference"] for row in limits.rows({}, arrays)]
+    return [row["relative_difference"] for row in time_steps.rows({}, arrays)]
 
 
 def fits_dataset(arrays, path):
@@ -77,12 +77,12 @@ def test_full_models_grow_from_the_predicted_step_on(seed, count, ratio, damped,
         damping={"not": 0, "evenly": size, "unevenly": profile(size, 0.8)}[damped],
         positions={"jitter": jitter, "seed": 1},
     )
-    np.testing.assert_allclose(differences(limits.full(case)), 0, atol=1e-3)
+    np.testing.assert_allclose(differences(time_steps.full(case)), 0, atol=1e-3)
 
 
 @each
 def test_what_is_told_of_full_models(changes, tmp_path):
-    arrays = limits.full(scene(particle_count=20, **changes))
+    arrays = time_steps.full(scene(particle_count=20, **changes))
     assert set(arrays) == ROWS
     assert fits_dataset(arrays, tmp_path / "limits.nc")
     assert arrays["integrator"].tolist() == ["explicit_euler", *lifted.INTEGRATORS]
@@ -102,7 +102,7 @@ def test_what_is_told_of_full_models(changes, tmp_path):
 @each
 def test_reduced_models_grow_from_the_predicted_step_on(changes, tmp_path):
     case = scene(initial_velocity=THREE_WAVES, **changes)
-    arrays = limits.reduced(case, [3, 9], *decomposed(case))
+    arrays = time_steps.reduced(case, [3, 9], *decomposed(case))
     assert set(arrays) == ROWS
     assert fits_dataset(arrays, tmp_path / "limits.nc")
     assert arrays["contender"].tolist() == 2 * ["original", "frozen10", *lifted_rom.METHODS]
@@ -115,8 +115,8 @@ def test_reduced_models_grow_from_the_predicted_step_on(changes, tmp_path):
 def test_the_measurement_knows_no_prediction():
     case = scene(particle_count=20, damping=3)
     block = FullSpectrum(case).critical("leapfrog")
-    contender = limits.Contender(
-        "lifted_full", "leapfrog", 0, limits.march_full(case, "leapfrog"), 1000,
+    contender = time_steps.Contender(
+        "lifted_full", "leapfrog", 0, time_steps.march_full(case, "leapfrog"), 1000,
         lambda dt: block.fastest_growing("leapfrog", dt), 1.0, 0.0, 10.0,
     )  # fmt: skip
     measured = contender.measure(case)["measured_time_step"]
@@ -141,35 +141,35 @@ def test_both_phases_show_growth_without_oscillation(size, angle, seed):
 
     eigenvector = vectors[:, 0] - 1j * vectors[:, 1]
     for steps in (1, 7, 30):
-        found = limits.growth(march, eigenvector, 1.0, steps)
+        found = time_steps.growth(march, eigenvector, 1.0, steps)
         assert found == pytest.approx(np.log(size), abs=1e-9)
     states = march(rng.standard_normal(4), 1.0, 5, 100)
-    assert limits.late_growth(states, 5) == pytest.approx(np.log(size), abs=0.1)
+    assert time_steps.late_growth(states, 5) == pytest.approx(np.log(size), abs=0.1)
 
 
 def test_only_what_floating_point_holds_tells_growth():
     states = np.exp(np.arange(700.0))[:, None]
-    assert limits.late_growth(states, 2) == pytest.approx(0.5)
+    assert time_steps.late_growth(states, 2) == pytest.approx(0.5)
     states[40:] = np.nan
-    assert limits.late_growth(states, 2) == pytest.approx(0.5)
-    assert limits.late_growth(states[39:], 2) == np.inf
+    assert time_steps.late_growth(states, 2) == pytest.approx(0.5)
+    assert time_steps.late_growth(states[39:], 2) == np.inf
 
 
 def test_runs_that_leave_all_bounds_have_grown():
     def march(state, time_step, stride, outputs):
         return np.array([state, np.full_like(state, np.nan)])
 
-    assert limits.growth(march, np.ones(3), 1.0, 5) == np.inf
-    assert limits.growth(lambda *_: np.zeros((2, 3)), np.ones(3), 1.0, 5) == -np.inf
+    assert time_steps.growth(march, np.ones(3), 1.0, 5) == np.inf
+    assert time_steps.growth(lambda *_: np.zeros((2, 3)), np.ones(3), 1.0, 5) == -np.inf
 
 
 @each
 def test_a_nonlinear_model_runs_as_its_operator_for_small_seeds(changes):
     case = scene(initial_velocity=THREE_WAVES, **changes)
     modes, _ = decomposed(case)
-    for method in limits.MODELS:
-        model = limits.galerkin(case, method, modes, 9)
-        march, size = limits.march_galerkin(model), 18
+    for method in time_steps.MODELS:
+        model = time_steps.galerkin(case, method, modes, 9)
+        march, size = time_steps.march_galerkin(model), 18
         np.testing.assert_array_equal(march(np.zeros(size), 1e-3, 3, 4), 0)
         seed = 1e-7 * np.random.default_rng(0).standard_normal(size)
         step = np.eye(size) + 1e-3 * model.operator()
@@ -183,7 +183,7 @@ def test_full_sph_runs_as_the_lifted_model_for_small_seeds():
     case = scene(**VARIED)
     seed = 1e-7 * np.random.default_rng(0).standard_normal(2 * case.particle_count)
     one, other = (
-        limits.march_full(case, "explicit_euler", paper)(seed, 1e-3, 10, 3)
+        time_steps.march_full(case, "explicit_euler", paper)(seed, 1e-3, 10, 3)
         for paper in (True, False)
     )
     np.testing.assert_allclose(one, other, atol=1e-5 * np.abs(seed).max())
@@ -199,7 +199,7 @@ def test_rows_tell_limits_or_rates():
         "predicted_growth_rate": np.array([0.2, np.nan]),
         "measured_growth_rate": np.array([0.21, np.nan]),
     }
-    first, second = limits.rows({"scene": "test", "sampling": ""}, arrays)
+    first, second = time_steps.rows({"scene": "test", "sampling": ""}, arrays)
     assert list(first) == [
         "scene", "sampling", "model", "modes", "integrator", "quantity", "predicted_limit",
         "measured_limit", "relative_difference",
