@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_models import random_models, rows
 from scenes import VARIED, scene
 
 from sphpod.full import lifted, sph
@@ -30,11 +31,6 @@ each_own = pytest.mark.parametrize("own", OWN_MODES)
 each_method = pytest.mark.parametrize("method", lifted_rom.METHODS)
 SOLVED: dict[str, dict] = {}
 INTEGRATORS = {"lifted_euler": "explicit_euler", "lifted_exact": "exact"}
-
-
-def rows(rng, count, size):
-    """Random orthonormal rows."""
-    return np.linalg.qr(rng.standard_normal((size, count)))[0].T
 
 
 def exact(case):
@@ -87,31 +83,6 @@ def euler(model):
         states.append(states[-1] + case.time_step * (model.operator @ states[-1] + push * value))
     kept = np.array(states)[case.error_steps]
     return kept[:, :kv], kept[:, kv:]
-
-
-@st.composite
-def random_models(draw):
-    """Any scene without a force, any modes, any number of them."""
-    rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
-    count = draw(st.integers(7, 24))
-
-    def profile(size, depth):
-        depth, shift, wave = rng.uniform(0, depth), rng.uniform(0, 6), rng.integers(1, 4)
-        return f"{size}*(1 + {depth}*sin(2*pi*{wave}*x/L + {shift}))"
-
-    changes = {
-        "particle_count": count,
-        "smoothing_ratio": draw(st.sampled_from([0.9, 1.04, 1.7])),
-        "initial_density": profile(rng.uniform(0.5, 2), 0.9),
-        "youngs_modulus": profile(rng.uniform(0.05, 0.5), 0.9),
-        "damping": draw(st.sampled_from([0, rng.uniform(0, 40), profile(rng.uniform(0, 40), 1)])),
-        "initial_velocity": profile(1e-3, 3),
-        "duration": 5,
-        "error_interval": 0.05,
-    }
-    kv = draw(st.integers(1, count))
-    ke = draw(st.integers(0, kv))
-    return LiftedModel(scene(**changes), rows(rng, kv, count), rows(rng, ke, count), 0)
 
 
 @settings(deadline=None, max_examples=150)

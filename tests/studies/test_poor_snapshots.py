@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from random_models import random_models
 from scenes import VARIED, scene
-from test_lifted_rom import random_models
 
 from sphpod.full import lifted, sph
 from sphpod.reduced import certificate, lifted_rom, snapshots
