@@ -14,7 +14,7 @@ include: "workflow/rules/solve.smk"
 include: "workflow/rules/reduce.smk"
 include: "workflow/rules/lift.smk"
 include: "workflow/rules/benchmark.smk"
-include: "workflow/rules/stability.smk"
+include: "workflow/rules/studies.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/records.smk"
 
@@ -53,6 +53,6 @@ rule benchmarks:
 rule stability:
     input:
         expand("<figures>/{name}.{form}", name=STABILITY_FIGURES, form=["pdf", "png"]),
-        [f"<results>/{table}.csv" for table, datasets in STABILITY.items() if datasets],
+        [f"<results>/{table}.csv" for table, (_, datasets) in TABLES.items() if datasets],
         # Full SPH of every scene holds in its attributes and its log what is predicted of it.
         expand("<results>/{scene}/sph.nc", scene=SCENES),

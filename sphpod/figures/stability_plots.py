@@ -842,7 +842,7 @@ NOISE_CURVES: dict[str, tuple[str, Look]] = {
 
 
 @styled
-def noise(snapshots: Arrays) -> Figure:
+def poor_snapshots(snapshots: Arrays) -> Figure:
     """Draw errors and bounds against the noise of snapshots, and for other defects of them.
 
     Bounds are hollow, errors filled. Of a model that is refused, or breaks down, neither is finite:
@@ -958,7 +958,7 @@ QUANTITIES: dict[str, tuple[str, Look]] = {
 
 
 @styled
-def limits(tables: Mapping[Place, Arrays]) -> Figure:
+def time_steps(tables: Mapping[Place, Arrays]) -> Figure:
     """Draw how far measured stability is from the predicted, by model and integrator.
 
     Filled markers compare limits of the time step, hollow ones growth rates where no step is

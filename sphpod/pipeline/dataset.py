@@ -233,156 +233,6 @@ VARIABLES = _fields() | {
         ("skipped", "repeat"), "s", "process time with it in vain, as zeros or general structure"
     ),
     "step_seconds": Variable(("contender", "repeat"), "s", "process time of one time step"),
-    "predicted_time_step": Variable(
-        ("contender",), "s", "largest stable time step by the spectrum; NaN where there is none"
-    ),
-    "measured_time_step": Variable(
-        ("contender",), "s", "time step from which runs grow; NaN where all of them do"
-    ),
-    "predicted_growth_rate": Variable(
-        ("contender",), "s-1", "growth rate of the fastest wave by the spectrum, NaN if stable"
-    ),
-    "measured_growth_rate": Variable(
-        ("contender",), "s-1", "growth rate of the fastest wave in a run, NaN if stable"
-    ),
-    "map_integrator": Variable(("map_integrator",), "", "integrator of a stability map", str),
-    "map_damping": Variable(("map_damping",), "s-1", "damping coefficient of a stability map"),
-    "map_time_step": Variable(("map_time_step",), "s", "time step of a stability map"),
-    "map_growth": Variable(
-        ("map_integrator", "map_damping", "map_time_step"),
-        "1",
-        "logarithm of the growth of the amplitude in a step, measured in the full model",
-    ),
-    "map_limit": Variable(
-        ("map_integrator", "map_damping"), "s", "largest stable time step by the spectrum"
-    ),
-    "mode_growth": Variable(
-        ("contender", "mode_count", "map_time_step"),
-        "1",
-        "logarithm of the growth of the amplitude in a step, measured in a reduced model",
-    ),
-    "mode_limit": Variable(
-        ("contender", "mode_count"), "s", "largest stable time step of a reduced model"
-    ),
-    "horizon": Variable(("horizon",), "s", "time over which explicit Euler runs"),
-    "predicted_energy_growth": Variable(
-        ("horizon",), "1", "energy at the end, of that at the start, by the spectrum"
-    ),
-    "measured_energy_growth": Variable(
-        ("horizon",), "1", "energy at the end of full SPH, of that at the start; NaN if it broke"
-    ),
-    "predicted_breakdown_time": Variable(
-        ("horizon",), "s", "time at which the Jacobian reaches zero by the spectrum, NaN if never"
-    ),
-    "measured_breakdown_time": Variable(
-        ("horizon",), "s", "time at which full SPH broke down, NaN if it did not"
-    ),
-    "conserving": Variable(("conserving",), "", "integrator that keeps an energy", str),
-    "energy_time_step": Variable(("conserving",), "s", "its time step, NaN if exact"),
-    "energy_drift": Variable(
-        ("conserving",), "1", "largest relative change of the energy that it keeps"
-    ),
-    "energy_horizon": Variable((), "s", "time over which the energies are followed"),
-    "euclidean_growth_rate": Variable(
-        ("mode_count",), "s-1", "largest real part of the paper's reduced operator at rest"
-    ),
-    "euclidean_rounding": Variable(
-        ("mode_count",), "s-1", "how far rounding may have moved that real part, to first order"
-    ),
-    "frozen_growth_rate": Variable(
-        ("mode_count",), "s-1", "the same with coefficients of the snapshots' densities, largest"
-    ),
-    "frozen_rounding": Variable(
-        ("mode_count",), "s-1", "how far rounding may have moved that one, to first order"
-    ),
-    "energy_growth_rate": Variable(
-        ("mode_count",), "s-1", "largest real part of the lifted reduced operator"
-    ),
-    "operator_size": Variable(("mode_count",), "s-1", "2-norm of the lifted reduced operator"),
-    "basis_mode_count": Variable(("basis",), "1", "modes of a random basis", np.int32),
-    "random_euclidean_growth_rate": Variable(
-        ("basis",), "s-1", "largest real part of the paper's operator on random modes"
-    ),
-    "random_energy_growth_rate": Variable(
-        ("basis",), "s-1", "largest real part of the lifted operator on random modes"
-    ),
-    "random_operator_size": Variable(
-        ("basis",), "s-1", "2-norm of the lifted operator on random modes"
-    ),
-    "paper_energy": Variable(("t",), "J m-2", "energy of the paper's reduced model"),
-    "lifted_energy": Variable(("t",), "J m-2", "energy of the lifted reduced model"),
-    "example_growth_rate": Variable(
-        (), "s-1", "largest real part of the paper's operator of these modes"
-    ),
-    "example_time_step": Variable((), "s", "time step of explicit Euler of both models"),
-    "smoothing_ratio": Variable(("smoothing_ratio",), "1", "smoothing length in spacings"),
-    "derivative_coefficient": Variable(
-        ("smoothing_ratio",), "1", "coefficient of the first derivative in that of SPH"
-    ),
-    "dispersion_coefficient": Variable(
-        ("smoothing_ratio",), "1", "coefficient of the third derivative in that of SPH"
-    ),
-    "neighbour_count": Variable(
-        ("smoothing_ratio",), "1", "neighbours on each side of a particle", np.int32
-    ),
-    "stable_time_step": Variable(
-        ("smoothing_ratio",), "s", "largest stable time step of leapfrog, undamped"
-    ),
-    "smoothing_velocity_error": Variable(
-        ("smoothing_ratio",), "1", "relative L2 error of the velocity of full SPH"
-    ),
-    "smoothing_density_error": Variable(
-        ("smoothing_ratio",), "1", "relative L2 error of the mass density of full SPH"
-    ),
-    "amplitude": Variable(("amplitude",), "1", "factor of the scene's initial velocity"),
-    "smallest_jacobian": Variable(
-        ("amplitude",), "1", "smallest Jacobian of full SPH over time and particles"
-    ),
-    "folding_amplitude": Variable((), "1", "amplitude from which full SPH breaks down"),
-    "lifted_folding_amplitude": Variable(
-        (), "1", "amplitude from which the lifted full model, exact in time, breaks down"
-    ),
-    "scaled_velocity_error": Variable(
-        ("contender", "amplitude"), "1", "relative L2 error of the velocity, against its full model"
-    ),
-    "scaled_density_error": Variable(
-        ("contender", "amplitude"), "1", "relative L2 error of the density, against its full model"
-    ),
-    "scaled_breakdown_time": Variable(
-        ("contender", "amplitude"), "s", "time at which the model broke down, NaN if it did not"
-    ),
-    "noise": Variable(("noise",), "1", "noise of the snapshots, of the root mean square of each"),
-    "noise_error": Variable(
-        ("noise",), "1", "largest energy norm of the error of lifted_exact, of the largest norm"
-    ),
-    "noise_bound": Variable(("noise",), "1", "bound of the same error"),
-    "noise_original_error": Variable(
-        ("noise",),
-        "1",
-        "the same error of the original model, against full SPH; infinite if it broke",
-    ),
-    "defect": Variable(("defect",), "", "what is wrong with snapshots", str),
-    "defect_mode_count": Variable(("defect",), "1", "modes asked for", np.int32),
-    "defect_rank": Variable(("defect",), "1", "velocity modes that there are", np.int32),
-    "defect_error": Variable(
-        ("defect",), "1", "largest energy norm of the error of lifted_exact, NaN if refused"
-    ),
-    "defect_bound": Variable(("defect",), "1", "bound of the same error, NaN if refused"),
-    "defect_outcome": Variable(("defect",), "", "what became of the model", str),
-    "check": Variable(("check",), "", "what is checked of a scene at the edge", str),
-    "check_model": Variable(("check",), "", "model that is checked", str),
-    "check_value": Variable(("check",), "1", "what was found"),
-    "check_limit": Variable(("check",), "1", "what it must not exceed"),
-    "quantity": Variable(("quantity",), "", "what is computed on different machines", str),
-    "thread_difference": Variable(
-        ("quantity",), "1", "largest difference between one BLAS thread and more, relative"
-    ),
-    "core_difference": Variable(
-        ("quantity",), "1", "largest difference between one core and more, relative"
-    ),
-    "unwatched_seconds": Variable(
-        ("contender", "repeat"), "s", "process time of a model that looks for no breakdown"
-    ),
 }
 
 
@@ -395,6 +245,7 @@ def write(
     code: str,
     job: Mapping[str, Any] | None = None,
     attributes: Mapping[str, float] | None = None,
+    variables: Mapping[str, Variable] | None = None,
 ) -> None:
     """Write `arrays` to a NetCDF file, whole or not at all.
 
@@ -403,7 +254,7 @@ def write(
     path
         The file; its folder is made where it is missing.
     arrays
-        Arrays by name, shaped as `VARIABLES` says. A NaN is a value like any other.
+        Arrays by name, shaped as `VARIABLES` or ``variables`` says; a NaN is a value like any other.
     title
         What the file holds, in one line.
     settings
@@ -413,28 +264,29 @@ def write(
     job
         What the job of the workflow that computed it was given (`job.start`).
     attributes
-        More that is told of the file as a whole: numbers by name.
+        More that is reported of the file as a whole: numbers by name.
+    variables
+        What names mean that `VARIABLES` does not have.
 
     Raises
     ------
     KeyError
-        For a name that is not in `VARIABLES`.
+        For a name that is in neither.
     ValueError
         For an array whose shape contradicts its dimensions, or a value that its type cannot hold.
     """
     sizes: dict[str, int] = {}
+    known = VARIABLES | dict(variables or {})
     for name, values in arrays.items():
-        if name not in VARIABLES:
-            raise KeyError(
-                f"no variable is named {name!r}; sphpod.dataset.VARIABLES lists them all"
-            )
-        dims = VARIABLES[name].dims
+        if name not in known:
+            raise KeyError(f"no variable is named {name!r}; allowed are {', '.join(known)}")
+        dims = known[name].dims
         shape = np.shape(values)
         if len(shape) != len(dims) or any(
             sizes.setdefault(dim, size) != size for dim, size in zip(dims, shape, strict=True)
         ):
             raise ValueError(f"{name} of shape {shape} does not fit {dims} with sizes {sizes}")
-        dtype = VARIABLES[name].dtype
+        dtype = known[name].dtype
         if issubclass(dtype, np.integer):
             with np.errstate(invalid="ignore"):
                 changed = np.asarray(values)[np.asarray(values).astype(dtype) != values]
@@ -454,12 +306,13 @@ def write(
             for dim, size in sizes.items():
                 file.createDimension(dim, size)
             for name, values in arrays.items():
-                _write_variable(file, name, values)
+                _write_variable(file, name, known[name], values)
         _seal(partial, job)
 
 
-def _write_variable(file: netCDF4.Dataset, name: str, values: np.ndarray) -> None:
-    meaning = VARIABLES[name]
+def _write_variable(
+    file: netCDF4.Dataset, name: str, meaning: Variable, values: np.ndarray
+) -> None:
     # No fill value: nothing is missing, and pre-filling would write every byte twice.
     variable: netCDF4.Variable = file.createVariable(
         name, meaning.dtype, meaning.dims, fill_value=False
@@ -485,7 +338,7 @@ def read(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndarray]:
         if missing := [name for name in names if name not in file.variables]:
             raise KeyError(f"{path} holds {', '.join(file.variables)}, but not {missing[0]}")
         return {
-            name: file[name][...].astype(str) if VARIABLES[name].dtype is str else file[name][...]
+            name: file[name][...].astype(str) if file[name].dtype is str else file[name][...]
             for name in names or file.variables
         }
 

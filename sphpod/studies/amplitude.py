@@ -28,11 +28,13 @@ import numpy as np
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS, project
 from sphpod.numerics.expressions import Expression
+from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import lifted_rom, pod
 from sphpod.reduced.rom import ReducedModel
 from sphpod.reduced.snapshots import output_steps, sampling_steps
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
+from sphpod.studies.study import Dataset, Drawing, Study
 
 FULL = ("sph", "lifted_full")
 REDUCED = ("original", "linearized", "frozen10", *lifted_rom.METHODS)
@@ -261,3 +263,50 @@ def _reduce(scene, name, modes, count, reference):
         for field, shapes, coordinates in zip(FIELDS, chosen, reduced, strict=True):
             errors[field] = project(reference.fields[field], shapes).relative_error(coordinates)
     return errors, np.nan
+
+
+STUDY = Study(
+    datasets={
+        "amplitude": Dataset(
+            compute="studies.amplitude.study",
+            message="{scene}: all models until the line folds, snapshots {sampling}",
+            of_sampling=True,
+            arguments={
+                "sampling": "sampling",
+                "mode_count": "largest_mode_count",
+                "count": "stability.amplitude_count",
+            },
+            places=lambda config: config["stability"]["amplitude"].items(),
+        )
+    },
+    tables={"amplitude": ("studies.amplitude.rows", "amplitude")},
+    drawing=Drawing(
+        draw="figures.stability_plots.amplitude",
+        caption="Errors of reduced models until the line folds: {scene}, snapshots {sampling}.",
+        reads={"amplitude": ("amplitude",)},
+        places=lambda config: config["stability"]["amplitude"].items(),
+    ),
+    variables={
+        "amplitude": Variable(("amplitude",), "1", "factor of the scene's initial velocity"),
+        "smallest_jacobian": Variable(
+            ("amplitude",), "1", "smallest Jacobian of full SPH over time and particles"
+        ),
+        "folding_amplitude": Variable((), "1", "amplitude from which full SPH breaks down"),
+        "lifted_folding_amplitude": Variable(
+            (), "1", "amplitude from which the lifted full model, exact in time, breaks down"
+        ),
+        "scaled_velocity_error": Variable(
+            ("contender", "amplitude"),
+            "1",
+            "relative L2 error of the velocity, against its full model",
+        ),
+        "scaled_density_error": Variable(
+            ("contender", "amplitude"),
+            "1",
+            "relative L2 error of the density, against its full model",
+        ),
+        "scaled_breakdown_time": Variable(
+            ("contender", "amplitude"), "s", "time at which the model broke down, NaN if it did not"
+        ),
+    },
+)

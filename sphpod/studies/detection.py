@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted, sph
+from sphpod.pipeline.dataset import Variable
 from sphpod.scene.scene import Scene
 from sphpod.studies import timing
+from sphpod.studies.study import Dataset, Study, scenes
 
 ALLOWED = 0.02
 """Part of a full model's time that watching may take."""
@@ -115,3 +117,23 @@ def rows(place: Mapping[str, Any], measured: Mapping[str, np.ndarray]) -> Iterat
             "allowed": ALLOWED,
             "verdict": "within" if median <= ALLOWED else "above",
         }
+
+
+STUDY = Study(
+    datasets={
+        "detection": Dataset(
+            compute="studies.detection.measure",
+            message="{scene}: what it costs to watch for a breakdown",
+            arguments={"repeats": "benchmark.repeats"},
+            needs=("is_even", "evenly spaced particles"),
+            alone=True,
+            places=partial(scenes, needs="is_even"),
+        )
+    },
+    tables={"detection": ("studies.detection.rows", "detection")},
+    variables={
+        "unwatched_seconds": Variable(
+            ("contender", "repeat"), "s", "process time of a model that looks for no breakdown"
+        ),
+    },
+)

@@ -21,12 +21,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sphpod.full import energy, lifted
+from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import certificate, lifted_rom
 from sphpod.scene import waves
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.checks import check
 from sphpod.scene.scene import Scene, derivative_matrix, step_times
 from sphpod.scene.waves import GROWTH_LIMIT
+from sphpod.studies.study import Dataset, Study
 
 INTEGRATORS = ("exact", "leapfrog", "symplectic_euler")
 """Integrators that a scene at the edge is computed with, each at a step that it needs."""
@@ -264,3 +266,22 @@ def _squeezing(model, strain):
 def _broken(model, breakdown):
     what = f"largest squeezing 1 - J, or not finite: broke down by t = {breakdown.time:.6g} s"
     return Check(f"{what} at particle {breakdown.particle}", model, np.inf, 1.0)
+
+
+STUDY = Study(
+    datasets={
+        "edge_scenes": Dataset(
+            compute="studies.edge_scenes.study",
+            message="{scene}: what must hold of a scene at the edge",
+            places=lambda config: [(name,) for name in config["stability"]["scenes"]],
+            own_scenes="stability.scenes",
+        )
+    },
+    tables={"edge_scenes": ("studies.edge_scenes.rows", "edge_scenes")},
+    variables={
+        "check": Variable(("check",), "", "what is checked of a scene at the edge", str),
+        "check_model": Variable(("check",), "", "model that is checked", str),
+        "check_value": Variable(("check",), "1", "what was found"),
+        "check_limit": Variable(("check",), "1", "what it must not exceed"),
+    },
+)

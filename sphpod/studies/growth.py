@@ -13,14 +13,17 @@ What other integrators keep in place of the energy is in `sphpod.full.energy`.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from sphpod.full import energy, lifted, sph
 from sphpod.numerics.error import blocks, share
+from sphpod.pipeline.dataset import Variable
 from sphpod.reduced.lifted_rom import LiftedModel
 from sphpod.scene.scene import Scene
+from sphpod.studies.study import UNDAMPED, Dataset, Drawing, Study, scenes
 
 CONSERVING = ("symplectic_euler", "leapfrog", "exact")
 
@@ -243,3 +246,54 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
             "time_step": float(arrays["energy_time_step"][n]),
             "energy_drift": float(arrays["energy_drift"][n]),
         }
+
+
+STUDY = Study(
+    datasets={
+        "growth": Dataset(
+            compute="studies.growth.measure",
+            message="{scene}: growth of the energy over long times",
+            arguments={
+                "horizons": lambda scene, setting: [
+                    n * scene.duration for n in setting("stability.horizon_factors")
+                ],
+                "energy_horizon": lambda scene, setting: (
+                    setting("stability.energy_horizon_factor") * scene.duration
+                ),
+            },
+            needs=UNDAMPED,
+            places=partial(scenes, needs=UNDAMPED[0]),
+        )
+    },
+    tables={"growth": ("studies.growth.rows", "growth")},
+    drawing=Drawing(
+        draw="figures.stability_plots.growth",
+        caption="Growth of the energy under explicit Euler, predicted and measured; energies kept.",
+        reads={"scenes": ("growth",)},
+    ),
+    variables={
+        "horizon": Variable(("horizon",), "s", "time over which explicit Euler runs"),
+        "predicted_energy_growth": Variable(
+            ("horizon",), "1", "energy at the end, of that at the start, by the spectrum"
+        ),
+        "measured_energy_growth": Variable(
+            ("horizon",),
+            "1",
+            "energy at the end of full SPH, of that at the start; NaN if it broke",
+        ),
+        "predicted_breakdown_time": Variable(
+            ("horizon",),
+            "s",
+            "time at which the Jacobian reaches zero by the spectrum, NaN if never",
+        ),
+        "measured_breakdown_time": Variable(
+            ("horizon",), "s", "time at which full SPH broke down, NaN if it did not"
+        ),
+        "conserving": Variable(("conserving",), "", "integrator that keeps an energy", str),
+        "energy_time_step": Variable(("conserving",), "s", "its time step, NaN if exact"),
+        "energy_drift": Variable(
+            ("conserving",), "1", "largest relative change of the energy that it keeps"
+        ),
+        "energy_horizon": Variable((), "s", "time over which the energies are followed"),
+    },
+)

@@ -19,8 +19,10 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS
+from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import lifted_rom, pod
 from sphpod.scene.scene import Scene
+from sphpod.studies.study import Dataset, Study
 
 LIMIT = 1e-12
 """Largest relative difference that is allowed between machines."""
@@ -165,3 +167,31 @@ def _difference(first, second):
         size = np.abs(one).max(initial=0) or 1.0
         largest = max(largest, np.abs(one - other).max(initial=0) / size)
     return largest
+
+
+STUDY = Study(
+    datasets={
+        "machine": Dataset(
+            compute="studies.machine.compare",
+            message="{scene}: the same on one thread and core as on more, snapshots {sampling}",
+            of_sampling=True,
+            reads={"taken": "snapshots.nc"},
+            alone=True,
+            places=lambda config: dict.fromkeys(
+                place
+                for study in ("snapshots", "amplitude", "map")
+                for place in config["stability"][study].items()
+            ),
+        )
+    },
+    tables={"machine": ("studies.machine.rows", "machine")},
+    variables={
+        "quantity": Variable(("quantity",), "", "what is computed on different machines", str),
+        "thread_difference": Variable(
+            ("quantity",), "1", "largest difference between one BLAS thread and more, relative"
+        ),
+        "core_difference": Variable(
+            ("quantity",), "1", "largest difference between one core and more, relative"
+        ),
+    },
+)

@@ -20,10 +20,12 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import energy, lifted
+from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.lifted_rom import LiftedModel
 from sphpod.reduced.rom import ReducedModel, modes_resolved
 from sphpod.scene.scene import Scene
+from sphpod.studies.study import UNDAMPED, Dataset, Drawing, Study, samplings, scenes
 
 RANDOM_MODES = 20
 """Largest number of modes of a random basis, of velocity and of density each."""
@@ -92,7 +94,7 @@ def of_samplings(
     mode_counts: Iterable[int],
     modes: Mapping[str, np.ndarray],
     energy_modes: Mapping[str, np.ndarray],
-    density_snapshots: np.ndarray,
+    snapshots: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
     """Growth rates of the paper's and of lifted reduced models on POD modes.
 
@@ -103,8 +105,8 @@ def of_samplings(
         Modes for velocity and density each, or all there are.
     modes, energy_modes : dict
         As from `pod.decompose` and `lifted_rom.decompose`.
-    density_snapshots : array, shape (n, N)
-        Densities that coefficients are frozen at [kg/m³].
+    snapshots : dict
+        density_snapshots (n, N): densities that coefficients are frozen at [kg/m³].
 
     Returns
     -------
@@ -121,7 +123,7 @@ def of_samplings(
         rows = modes["velocity_modes"][:count], modes["density_modes"][:count]
         original, frozen = (ReducedModel(scene, name, *rows) for name in ("original", "frozen10"))
         at_rest = max(conditioned_rate(model.operator()) for model in (original, frozen))
-        strained = (frozen.operator(density) for density in density_snapshots)
+        strained = (frozen.operator(density) for density in snapshots["density_snapshots"])
         fastest = max(strained, key=growth_rate)
         operator = lifted_rom.build(scene, energy_modes, count).operator
         found.append((*at_rest, *conditioned_rate(fastest), growth_rate(operator), _size(operator)))
@@ -308,8 +310,8 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
         yield {**place, "modes": int(count), "modes_resolved": resolved, **numbers}
 
 
-def random_row(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> dict[str, Any]:
-    """A row of the same table, for the random bases of a scene, the worst of each number.
+def random_rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[dict[str, Any]]:
+    """The row of a table for the random bases of a scene, the worst of each number.
 
     Parameters
     ----------
@@ -320,7 +322,7 @@ def random_row(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> di
 
     Returns
     -------
-    dict
+    list of one dict
         Also bases, how many there are, and how many of them grow by more than rounding explains:
         euclidean_growing and energy_growing.
     """
@@ -328,7 +330,7 @@ def random_row(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> di
         arrays[f"random_{name}"]
         for name in ("euclidean_growth_rate", "energy_growth_rate", "operator_size")
     )
-    return {
+    row = {
         **place,
         "modes": int(arrays["basis_mode_count"].max()),
         "euclidean_growth_rate": float(plain.max()),
@@ -340,3 +342,105 @@ def random_row(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> di
             np.count_nonzero(energetic > rounding_bound(arrays["basis_mode_count"], size))
         ),
     }
+    return [row]
+
+
+def _runs(config, study, *keys):
+    """The place of a run, if one is configured."""
+    run = config["stability"].get(study)
+    return [tuple(run[key] for key in keys)] if run else []
+
+
+STUDY = Study(
+    datasets={
+        "operators": Dataset(
+            compute="studies.operators.of_samplings",
+            message="{scene}: spectra of reduced operators, snapshots {sampling}",
+            of_sampling=True,
+            reads={
+                "modes": "pod.nc",
+                "energy_modes": "lifted_pod.nc",
+                "snapshots": "snapshots.nc",
+            },
+            arguments={"mode_counts": "all_mode_counts"},
+            places=samplings,
+        ),
+        "random_bases": Dataset(
+            compute="studies.operators.of_random_bases",
+            message="{scene}: spectra of reduced operators of random bases",
+            arguments={"count": "stability.random_bases", "seed": "seed"},
+            places=scenes,
+        ),
+        "random_run": Dataset(
+            compute="studies.operators.example",
+            message="{scene}: a run of random modes that grows",
+            arguments={"seed": lambda scene, setting: 0},
+            needs=UNDAMPED,
+            places=lambda config: _runs(config, "random_run", "scene"),
+        ),
+        "long_run": Dataset(
+            compute="studies.operators.long_run",
+            message="{scene}: a long run with {modes} modes of {sampling}",
+            of_sampling=True,
+            of_modes=True,
+            reads={"modes": "pod.nc", "energy_modes": "lifted_pod.nc"},
+            arguments={
+                "mode_count": "modes",
+                "horizon": lambda scene, setting: (
+                    max(setting("stability.horizon_factors")) * scene.duration
+                ),
+            },
+            needs=UNDAMPED,
+            places=lambda config: _runs(config, "long_run", "scene", "sampling", "mode_count"),
+        ),
+    },
+    tables={
+        "operators": ("studies.operators.rows", "operators"),
+        "random_bases": ("studies.operators.random_rows", "random_bases"),
+    },
+    drawing=Drawing(
+        draw="figures.stability_plots.operators",
+        caption="Largest real parts of reduced operators, and runs of models that grow.",
+        reads={
+            "samplings": ("operators",),
+            "random": ("random_bases",),
+            "runs": ("random_run", "long_run"),
+        },
+    ),
+    variables={
+        "euclidean_growth_rate": Variable(
+            ("mode_count",), "s-1", "largest real part of the paper's reduced operator at rest"
+        ),
+        "euclidean_rounding": Variable(
+            ("mode_count",), "s-1", "how far rounding may have moved that real part, to first order"
+        ),
+        "frozen_growth_rate": Variable(
+            ("mode_count",),
+            "s-1",
+            "the same with coefficients of the snapshots' densities, largest",
+        ),
+        "frozen_rounding": Variable(
+            ("mode_count",), "s-1", "how far rounding may have moved that one, to first order"
+        ),
+        "energy_growth_rate": Variable(
+            ("mode_count",), "s-1", "largest real part of the lifted reduced operator"
+        ),
+        "operator_size": Variable(("mode_count",), "s-1", "2-norm of the lifted reduced operator"),
+        "basis_mode_count": Variable(("basis",), "1", "modes of a random basis", np.int32),
+        "random_euclidean_growth_rate": Variable(
+            ("basis",), "s-1", "largest real part of the paper's operator on random modes"
+        ),
+        "random_energy_growth_rate": Variable(
+            ("basis",), "s-1", "largest real part of the lifted operator on random modes"
+        ),
+        "random_operator_size": Variable(
+            ("basis",), "s-1", "2-norm of the lifted operator on random modes"
+        ),
+        "paper_energy": Variable(("t",), "J m-2", "energy of the paper's reduced model"),
+        "lifted_energy": Variable(("t",), "J m-2", "energy of the lifted reduced model"),
+        "example_growth_rate": Variable(
+            (), "s-1", "largest real part of the paper's operator of these modes"
+        ),
+        "example_time_step": Variable((), "s", "time step of explicit Euler of both models"),
+    },
+)

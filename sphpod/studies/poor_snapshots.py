@@ -14,10 +14,12 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS, blocks, share
+from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import error_bound, lifted_rom, pod
 from sphpod.reduced.rom import ReducedModel
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
+from sphpod.studies.study import Dataset, Drawing, Study
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -271,3 +273,50 @@ def energy_norms(
             np.linalg.norm(mass * velocity, axis=1), np.linalg.norm(stiffness * strain, axis=1)
         )
     return norms
+
+
+STUDY = Study(
+    datasets={
+        "poor_snapshots": Dataset(
+            compute="studies.poor_snapshots.study",
+            message="{scene}: models of poor snapshots, from {sampling}",
+            of_sampling=True,
+            reads={"taken": "snapshots.nc", "full": "../lifted_full.nc"},
+            arguments={
+                "noise_levels": "stability.noise_levels",
+                "mode_count": "largest_mode_count",
+                "seed": lambda scene, setting: 0,
+            },
+            places=lambda config: config["stability"]["snapshots"].items(),
+        )
+    },
+    tables={"poor_snapshots": ("studies.poor_snapshots.rows", "poor_snapshots")},
+    drawing=Drawing(
+        draw="figures.stability_plots.poor_snapshots",
+        caption="Errors and their bounds with poor snapshots: {scene}, snapshots {sampling}.",
+        reads={"snapshots": ("poor_snapshots",)},
+        places=lambda config: config["stability"]["snapshots"].items(),
+    ),
+    variables={
+        "noise": Variable(
+            ("noise",), "1", "noise of the snapshots, of the root mean square of each"
+        ),
+        "noise_error": Variable(
+            ("noise",), "1", "largest energy norm of the error of lifted_exact, of the largest norm"
+        ),
+        "noise_bound": Variable(("noise",), "1", "bound of the same error"),
+        "noise_original_error": Variable(
+            ("noise",),
+            "1",
+            "the same error of the original model, against full SPH; infinite if it broke",
+        ),
+        "defect": Variable(("defect",), "", "what is wrong with snapshots", str),
+        "defect_mode_count": Variable(("defect",), "1", "modes asked for", np.int32),
+        "defect_rank": Variable(("defect",), "1", "velocity modes that there are", np.int32),
+        "defect_error": Variable(
+            ("defect",), "1", "largest energy norm of the error of lifted_exact, NaN if refused"
+        ),
+        "defect_bound": Variable(("defect",), "1", "bound of the same error, NaN if refused"),
+        "defect_outcome": Variable(("defect",), "", "what became of the model", str),
+    },
+)

@@ -15,14 +15,16 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS, relative_error
+from sphpod.pipeline.dataset import Variable
 from sphpod.scene.kernel import derivative_coefficient, dispersion_coefficient, neighbour_count
 from sphpod.scene.scene import Scene
+from sphpod.studies.study import Dataset, Drawing, Study, scenes
 
 THINNING = 10
 """Only each of so many samples of the error integral is taken, which changes errors by far less
 than 1 %."""
 
-Study = Mapping[str, np.ndarray]
+Arrays = Mapping[str, np.ndarray]
 
 
 def study(
@@ -84,7 +86,7 @@ def ranks(errors: np.ndarray) -> np.ndarray:
     return 1 + np.count_nonzero(errors < errors[:, None], axis=1)
 
 
-def overall(studies: Iterable[Study]) -> dict[str, np.ndarray]:
+def overall(studies: Iterable[Arrays]) -> dict[str, np.ndarray]:
     """Geometric means of the errors of several scenes, studied with the same ratios.
 
     No scene counts more than another, however large its errors are; a ratio with which one of them
@@ -105,7 +107,7 @@ def overall(studies: Iterable[Study]) -> dict[str, np.ndarray]:
     }
 
 
-def rows(place: Mapping[str, Any], arrays: Study) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Rows of a table, one for each ratio, with its rank by either error among all ratios.
 
     Parameters
@@ -122,7 +124,7 @@ def rows(place: Mapping[str, Any], arrays: Study) -> Iterator[dict[str, Any]]:
         yield {**place, **{name: values[n].item() for name, values in table.items()}}
 
 
-def ranking(studies: Iterable[Study]) -> list[dict[str, Any]]:
+def ranking(studies: Iterable[Arrays]) -> list[dict[str, Any]]:
     """The rows of `overall`, the ratio with the smallest velocity error first.
 
     Parameters
@@ -132,3 +134,46 @@ def ranking(studies: Iterable[Study]) -> list[dict[str, Any]]:
     """
     table = rows({"scene": "all"}, overall(studies))
     return sorted(table, key=lambda row: row["velocity_rank"])
+
+
+STUDY = Study(
+    datasets={
+        "smoothing": Dataset(
+            compute="studies.smoothing.study",
+            message="{scene}: smoothing lengths compared",
+            reads={"reference": "truth"},
+            arguments={"smoothing_ratios": "stability.smoothing_ratios"},
+            places=scenes,
+        )
+    },
+    tables={
+        "smoothing": ("studies.smoothing.rows", "smoothing"),
+        "smoothing_ranking": ("studies.smoothing.ranking", "smoothing"),
+    },
+    drawing=Drawing(
+        draw="figures.stability_plots.smoothing",
+        caption="What the smoothing length changes: consistency, stability and errors.",
+        reads={"scenes": ("smoothing",)},
+    ),
+    variables={
+        "smoothing_ratio": Variable(("smoothing_ratio",), "1", "smoothing length in spacings"),
+        "derivative_coefficient": Variable(
+            ("smoothing_ratio",), "1", "coefficient of the first derivative in that of SPH"
+        ),
+        "dispersion_coefficient": Variable(
+            ("smoothing_ratio",), "1", "coefficient of the third derivative in that of SPH"
+        ),
+        "neighbour_count": Variable(
+            ("smoothing_ratio",), "1", "neighbours on each side of a particle", np.int32
+        ),
+        "stable_time_step": Variable(
+            ("smoothing_ratio",), "s", "largest stable time step of leapfrog, undamped"
+        ),
+        "smoothing_velocity_error": Variable(
+            ("smoothing_ratio",), "1", "relative L2 error of the velocity of full SPH"
+        ),
+        "smoothing_density_error": Variable(
+            ("smoothing_ratio",), "1", "relative L2 error of the mass density of full SPH"
+        ),
+    },
+)

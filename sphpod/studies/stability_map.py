@@ -10,10 +10,12 @@ from dataclasses import replace
 import numpy as np
 
 from sphpod.numerics.expressions import Expression
+from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import lifted_rom
 from sphpod.scene.scene import Scene
 from sphpod.scene.waves import fastest_wave
 from sphpod.stability.spectrum import euler_limits, frequencies, splitting_limit, wave_rates
+from sphpod.studies.study import Dataset, Drawing, Study
 from sphpod.studies.time_steps import (
     SEED,
     Arrays,
@@ -143,3 +145,48 @@ def of_modes(
         "mode_growth": growths,
         "mode_limit": limits,
     }
+
+
+STUDY = Study(
+    datasets={
+        "damping_map": Dataset(
+            compute="studies.stability_map.of_damping",
+            message="{scene}: stability against damping and time step",
+        ),
+        "mode_map": Dataset(
+            compute="studies.stability_map.of_modes",
+            message="{scene}: stability against modes and time step, snapshots {sampling}",
+            of_sampling=True,
+            reads={"modes": "pod.nc", "energy_modes": "lifted_pod.nc"},
+            arguments={"mode_counts": "all_mode_counts"},
+        ),
+    },
+    drawing=Drawing(
+        draw="figures.stability_plots.stability_map",
+        caption="Growth of full and reduced models, measured, and the predicted boundary: "
+        "{scene}, snapshots {sampling}.",
+        reads={"damping": ("damping_map",), "modes": ("mode_map",)},
+        places=lambda config: config["stability"]["map"].items(),
+    ),
+    variables={
+        "map_integrator": Variable(("map_integrator",), "", "integrator of a stability map", str),
+        "map_damping": Variable(("map_damping",), "s-1", "damping coefficient of a stability map"),
+        "map_time_step": Variable(("map_time_step",), "s", "time step of a stability map"),
+        "map_growth": Variable(
+            ("map_integrator", "map_damping", "map_time_step"),
+            "1",
+            "logarithm of the growth of the amplitude in a step, measured in the full model",
+        ),
+        "map_limit": Variable(
+            ("map_integrator", "map_damping"), "s", "largest stable time step by the spectrum"
+        ),
+        "mode_growth": Variable(
+            ("contender", "mode_count", "map_time_step"),
+            "1",
+            "logarithm of the growth of the amplitude in a step, measured in a reduced model",
+        ),
+        "mode_limit": Variable(
+            ("contender", "mode_count"), "s", "largest stable time step of a reduced model"
+        ),
+    },
+)

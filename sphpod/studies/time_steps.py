@@ -8,11 +8,13 @@ small, so that those with nonlinear terms do not feel them.
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from sphpod.full import lifted, sph
+from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import lifted_rom, rom
 from sphpod.scene.scene import Scene
 from sphpod.stability.spectrum import (
@@ -22,6 +24,7 @@ from sphpod.stability.spectrum import (
     euler_limits,
     neutral,
 )
+from sphpod.studies.study import Dataset, Drawing, Study, samplings, scenes
 
 Arrays = dict[str, np.ndarray]
 
@@ -459,3 +462,42 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
             "measured_limit": measured,
             "relative_difference": 0.0 if predicted == measured else measured / predicted - 1,
         }
+
+
+STUDY = Study(
+    datasets={
+        "time_steps": Dataset(
+            compute="studies.time_steps.full",
+            message="{scene}: largest stable time steps of full models",
+            places=scenes,
+        ),
+        "reduced_time_steps": Dataset(
+            compute="studies.time_steps.reduced",
+            message="{scene}: largest stable time steps of reduced models, snapshots {sampling}",
+            of_sampling=True,
+            reads={"modes": "pod.nc", "energy_modes": "lifted_pod.nc"},
+            arguments={"mode_counts": "mode_counts"},
+            places=partial(samplings, first=True),
+        ),
+    },
+    tables={"time_steps": ("studies.time_steps.rows", "time_steps", "reduced_time_steps")},
+    drawing=Drawing(
+        draw="figures.stability_plots.time_steps",
+        caption="Stable time steps by the spectrum, beside those from which runs grow.",
+        reads={"tables": ("time_steps", "reduced_time_steps")},
+    ),
+    variables={
+        "predicted_time_step": Variable(
+            ("contender",), "s", "largest stable time step by the spectrum; NaN where there is none"
+        ),
+        "measured_time_step": Variable(
+            ("contender",), "s", "time step from which runs grow; NaN where all of them do"
+        ),
+        "predicted_growth_rate": Variable(
+            ("contender",), "s-1", "growth rate of the fastest wave by the spectrum, NaN if stable"
+        ),
+        "measured_growth_rate": Variable(
+            ("contender",), "s-1", "growth rate of the fastest wave in a run, NaN if stable"
+        ),
+    },
+)

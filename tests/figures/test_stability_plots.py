@@ -231,14 +231,14 @@ def undecided_limits() -> Figure:
     tables = compared()
     tables["damped",]["measured_time_step"][2] = np.nan
     tables["gaussian",]["measured_growth_rate"][0] = np.nan
-    return stability_plots.limits(tables)
+    return stability_plots.time_steps(tables)
 
 
 def broken_noise() -> Figure:
     snapshots = poor_snapshots()
     snapshots["noise_original_error"][-1] = np.inf
     snapshots["defect_bound"][2] = np.inf
-    return stability_plots.noise(snapshots)
+    return stability_plots.poor_snapshots(snapshots)
 
 
 def broken_smoothing() -> Figure:
@@ -273,9 +273,9 @@ FIGURES: dict[str, Callable[[], Figure]] = {
     "smoothing": lambda: stability_plots.smoothing(smoothed()),
     "smoothing, breakdown": broken_smoothing,
     "amplitude": lambda: stability_plots.amplitude(scaled()),
-    "noise": lambda: stability_plots.noise(poor_snapshots()),
+    "noise": lambda: stability_plots.poor_snapshots(poor_snapshots()),
     "noise, breakdown": broken_noise,
-    "limits": lambda: stability_plots.limits(compared()),
+    "limits": lambda: stability_plots.time_steps(compared()),
     "limits, undecided": undecided_limits,
 }
 
@@ -681,7 +681,7 @@ def test_amplitude_refuses_what_it_cannot_show() -> None:
 
 def test_noise_panels() -> None:
     snapshots = poor_snapshots()
-    noise, defects = stability_plots.noise(snapshots).axes
+    noise, defects = stability_plots.poor_snapshots(snapshots).axes
     assert noise.get_xscale() == noise.get_yscale() == defects.get_xscale() == "log"
     for name, (label, _) in stability_plots.NOISE_CURVES.items():
         (line,) = (line for line in noise.lines if line.get_label() == label)
@@ -713,7 +713,7 @@ def test_noise_refuses_snapshots_without_noise() -> None:
     snapshots = poor_snapshots()
     snapshots["noise"][0] = 0
     with pytest.raises(ValueError, match="without noise"):
-        stability_plots.noise(snapshots)
+        stability_plots.poor_snapshots(snapshots)
 
 
 # --- Limits ---------------------------------------------------------------------------------------
@@ -721,7 +721,7 @@ def test_noise_refuses_snapshots_without_noise() -> None:
 
 def test_limits_compare_every_model() -> None:
     tables = compared()
-    (axes,) = stability_plots.limits(tables).axes
+    (axes,) = stability_plots.time_steps(tables).axes
     assert rows(axes) == [
         "SPH, explicit Euler",
         *(
@@ -767,8 +767,8 @@ def test_limits_put_what_only_one_of_theory_and_run_tells_on_the_right_edge() ->
 
 def test_limits_refuse_what_they_do_not_know() -> None:
     with pytest.raises(ValueError, match="at least one scene"):
-        stability_plots.limits({})
+        stability_plots.time_steps({})
     tables = compared()
     tables["damped",]["integrator"][1] = "midpoint"
     with pytest.raises(ValueError, match="no label for the integrator midpoint"):
-        stability_plots.limits(tables)
+        stability_plots.time_steps(tables)

@@ -152,7 +152,7 @@ def test_poor_snapshots_and_benchmarks_of_still_scenes(name):
     case, full, taken, lifted_full, _ = solved(name)
     poor = poor_snapshots.study(case, taken, lifted_full, [1e-2], 2, seed=0)
     no_infinity(poor)
-    check_layout(stability_plots.noise(poor))
+    check_layout(stability_plots.poor_snapshots(poor))
     study = {"mode_counts": [2], "n_freeze": [1, 5]}
     measured = benchmark.compare(case, SAMPLING, study, taken, full, 1)
     no_infinity(measured)
@@ -186,4 +186,4 @@ def test_models_without_a_wave_have_maps_and_limits(name):
     assert not mapped["mode_growth"][1].any()
     check_layout(stability_plots.stability_map(stability_map.of_damping(case, 3), mapped))
     found = time_steps.reduced(case, [2], modes, energy_modes)
-    check_layout(stability_plots.limits({(case.name, "early"): found}))
+    check_layout(stability_plots.time_steps({(case.name, "early"): found}))

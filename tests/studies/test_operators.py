@@ -72,7 +72,7 @@ def test_random_bases_are_reproducible_and_of_many_sizes():
 )
 def test_plain_projections_grow_where_the_material_varies(changes, grows):
     found = operators.of_random_bases(scene(**changes), 100, 0)
-    row = operators.random_row({"scene": "test", "sampling": "random"}, found)
+    (row,) = operators.random_rows({"scene": "test", "sampling": "random"}, found)
     assert row["bases"] == 100
     assert (row["euclidean_growing"] > 10) == grows
     assert (row["euclidean_growing"] == 0) != grows
@@ -85,7 +85,9 @@ def test_samplings(changes):
     case = scene(**changes)
     modes, energy_modes, densities = sampled(case)
     counts = [2, 5, 8]
-    found = operators.of_samplings(case, counts, modes, energy_modes, densities)
+    found = operators.of_samplings(
+        case, counts, modes, energy_modes, {"density_snapshots": densities}
+    )
     assert found["mode_count"].tolist() == counts
     for n, count in enumerate(counts):
         vm, rm = modes["velocity_modes"][:count], modes["density_modes"][:count]

@@ -1,6 +1,8 @@
 """The configuration, and what the rules ask of it."""
 
 import difflib
+import functools
+import operator
 import os
 import re
 import sys
@@ -23,6 +25,7 @@ from sphpod.config.config import (
 )
 from sphpod.scene.kernel import derivative_coefficient
 from sphpod.scene.scene import PHYSICS_KEYS, Scene
+from sphpod.studies.study import studies as declared_studies
 
 ROOT = Path(workflow.basedir)
 
@@ -60,12 +63,25 @@ def by_name(figures, others):
     for name, (_, figure) in zip(distinct_names([parts for parts, _ in figures]), figures):
         if name in others:
             both = " and of ".join(
-                ", ".join(f"{key} {one[key]}" for key in ("kind", "scene") if key in one)
+                ", ".join(f"{key} {one[key]}" for key in ("kind", "study", "scene") if key in one)
                 for one in (figure, others[name])
             )
             stop(f"figure = {name}: this is the name of {both}; every figure needs its own")
         found[name] = figure
     return found
+
+
+def path_of(name, place, root="<results>", form="nc"):
+    """File of a dataset of a study, or its log; a number of modes, the last of a place, names it."""
+    scene, *sampling = place
+    if len(sampling) > 1:
+        name = os.path.join(name, f"k{sampling.pop()}")
+    return os.path.join(root, scene, *sampling, f"{name}.{form}")
+
+
+def paths_of(study, names):
+    """Files that a study asks for, of its datasets of these names."""
+    return [path_of(name, place) for name in names for place in study.datasets[name].places(CONFIG)]
 
 
 # What the benchmarks draw is no part of the paper, and not of the default target.
@@ -74,6 +90,7 @@ BENCHMARK_FIGURES = [
         ("benchmark", name, sampling),
         {
             "kind": "work_precision",
+            "draw": "figures.benchmark_plots.work_precision",
             "scene": name,
             "sampling": sampling,
             "section": "benchmarks",
@@ -89,60 +106,31 @@ BENCHMARK_FIGURES = [
 if "step_scene" in CONFIG["benchmark"]:
     scaling = {
         "kind": "scaling",
+        "draw": "figures.benchmark_plots.scaling",
         "scene": CONFIG["benchmark"]["step_scene"],
         "section": "benchmarks",
         "caption": "Time and memory of a step against particles and modes, full and reduced models.",
     }
     BENCHMARK_FIGURES.append((("benchmark", "scaling"), scaling))
 BENCHMARK_FIGURES = by_name(BENCHMARK_FIGURES, FIGURES)
-STABILITY_FIGURES = [
-    (("stability", kind), {"kind": kind, "section": "stability", "caption": caption})
-    for kind, caption, drawn in (
-        (
-            "limits",
-            "Stable time steps by the spectrum, held against those from which runs grow.",
-            True,
-        ),
-        (
-            "growth",
-            "Growth of the energy under explicit Euler, predicted and measured; energies kept.",
-            any(Scene.from_settings(name, scene).is_conservative for name, scene in SCENES.items()),
-        ),
-        (
-            "operators",
-            "Largest real parts of reduced operators, and runs of models that grow.",
-            any(scene["samplings"] for scene in SCENES.values()),
-        ),
-        (
-            "smoothing",
-            "What the smoothing length changes: consistency, stability and errors.",
-            True,
-        ),
-    )
-    if drawn
+STUDIES = declared_studies()
+STUDIES_OF_MODES = [
+    name for study in STUDIES.values() for name, data in study.datasets.items() if data.of_modes
 ]
-STABILITY_FIGURES += [
-    (
-        ("stability", study, name, sampling),
-        {
-            "kind": kind,
-            "scene": name,
-            "sampling": sampling,
-            "section": "stability",
-            "caption": f"{caption}: {name}, snapshots {sampling}.",
-        },
-    )
-    for study, kind, caption in (
-        (
-            "map",
-            "stability_map",
-            "Growth of full and reduced models, measured, and the predicted boundary",
-        ),
-        ("amplitude", "amplitude", "Errors of reduced models until the line folds"),
-        ("snapshots", "noise", "Errors and their bounds with poor snapshots"),
-    )
-    for name, sampling in CONFIG["stability"][study].items()
-]
+STABILITY_FIGURES = []
+for word, study in STUDIES.items():
+    if study.drawing is None:
+        continue
+    drawing = {"study": word, "draw": study.drawing.draw, "section": "stability"}
+    if study.drawing.places is not None:
+        for scene, sampling in study.drawing.places(CONFIG):
+            place = {"scene": scene, "sampling": sampling}
+            caption = study.drawing.caption.format(**place)
+            figure = {**drawing, **place, "caption": caption}
+            STABILITY_FIGURES.append((("stability", word, scene, sampling), figure))
+    elif paths_of(study, next(iter(study.drawing.reads.values()))):
+        figure = {**drawing, "caption": study.drawing.caption}
+        STABILITY_FIGURES.append((("stability", word), figure))
 STABILITY_FIGURES = by_name(STABILITY_FIGURES, FIGURES | BENCHMARK_FIGURES)
 ALL_FIGURES = FIGURES | BENCHMARK_FIGURES | STABILITY_FIGURES
 
@@ -216,43 +204,8 @@ def of_step_scene(file):
     return [f"<results>/{scene}/{file}"] if scene else []
 
 
-def stability_studies(study, file):
-    """A file of every scene and sampling that a study of stability is made of."""
-    return [
-        f"<results>/{name}/{sampling}/{file}"
-        for name, sampling in CONFIG["stability"][study].items()
-    ]
-
-
-def of_scenes(file, wanted=lambda scene: True):
-    """A file of every scene that is wanted."""
-    return [f"<results>/{name}/{file}" for name in SCENES if wanted(physical(name))]
-
-
-def of_samplings(file, every=True):
-    """A file of every sampling, or of the first of every scene."""
-    return [
-        f"<results>/{name}/{sampling}/{file}"
-        for name in sampled_scenes()
-        for sampling in list(SCENES[name]["samplings"])[: None if every else 1]
-    ]
-
-
-def growing_runs():
-    """Runs that show a reduced model that grows."""
-    stability, runs = CONFIG["stability"], []
-    if "random_run" in stability:
-        scene = stability["random_run"]["scene"]
-        runs.append(f"<results>/{scene}/random_run.nc")
-    if "long_run" in stability:
-        run = stability["long_run"]
-        folder = f"<results>/{run['scene']}/{run['sampling']}/long_run"
-        runs.append(f"{folder}/k{run['mode_count']}.nc")
-    return runs
-
-
-def physical(name):
-    return Scene.from_settings(name, SCENES[name])
+def physical(name, scenes=SCENES):
+    return Scene.from_settings(name, scenes[name])
 
 
 def truth(scene):
@@ -261,25 +214,11 @@ def truth(scene):
     return f"<results>/{scene}/reference_{kind}.nc"
 
 
-# Datasets of each table of stability.
-STABILITY = {
-    "stability": of_scenes("time_steps.nc") + of_samplings("time_steps.nc", every=False),
-    "growth": of_scenes("growth.nc", lambda scene: scene.is_conservative),
-    "operators": of_samplings("operators.nc"),
-    "random_bases": of_scenes("random_bases.nc"),
-    "smoothing": of_scenes("smoothing.nc"),
-    "smoothing_ranking": of_scenes("smoothing.nc"),
-    "amplitude": stability_studies("amplitude", "amplitude.nc"),
-    "poor_snapshots": stability_studies("snapshots", "poor_snapshots.nc"),
-    "machine": list(
-        dict.fromkeys(
-            path
-            for study in ("snapshots", "amplitude", "map")
-            for path in stability_studies(study, "machine.nc")
-        )
-    ),
-    "detection": of_scenes("detection.nc", lambda scene: scene.is_even),
-    "edge_scenes": [f"<results>/{name}/edge_scene.nc" for name in CONFIG["stability"]["scenes"]],
+# Of each table of a study, the function of its rows and its datasets.
+TABLES = {
+    table: (rows, paths_of(study, names))
+    for study in STUDIES.values()
+    for table, (rows, *names) in study.tables.items()
 }
 
 
@@ -291,9 +230,14 @@ def code(script):
     return provenance.digest(ROOT / "workflow/scripts" / script)
 
 
-def physics(wildcards):
+def setting_of(key):
+    """A setting of the configuration, by its names joined by dots."""
+    return functools.reduce(operator.getitem, key.split("."), CONFIG)
+
+
+def physics(wildcards, scenes=SCENES):
     """Settings that the solutions of a scene depend on; samplings and figures are not among them."""
-    scene = SCENES[wildcards.scene]
+    scene = scenes[wildcards.scene]
     return {key: scene[key] for key in PHYSICS_KEYS if key in scene}
 
 
@@ -327,7 +271,7 @@ def all_modes(wildcards):
     return parse_modes(usual_sweep(SCENES[wildcards.scene], wildcards.sampling))
 
 
-def stability_modes(wildcards):
+def studied_modes(wildcards):
     """Mode counts that are studied, those that the sampling gives; the largest if it gives none."""
     most = all_modes(wildcards)[-1]
     return [k for k in CONFIG["stability"]["mode_counts"] if k <= most] or [most]
@@ -344,7 +288,7 @@ def paper_study(wildcards):
 
 def figure_options(wildcards):
     """Arguments of the plotting function of a figure that are not inputs."""
-    figure = ALL_FIGURES[wildcards.name]
+    figure = {"kind": None} | ALL_FIGURES[wildcards.name]
     options = {key: figure[key] for key in ("fields", "position") if key in figure}
     if figure["kind"] in ("profile", "modes") and "positions" in SCENES[figure["scene"]]:
         options["length"] = SCENES[figure["scene"]]["domain_length"]
@@ -353,6 +297,73 @@ def figure_options(wildcards):
     if figure["kind"] == "phase":
         options["beta"] = derivative_coefficient(SCENES[figure["scene"]]["smoothing_ratio"])
     return options
+
+
+# What a study declares of a dataset, as a rule is given it --------------------------------------------
+
+
+def wildcards_of(data):
+    return ["{scene}", *["{sampling}"] * data.of_sampling, *["{modes}"] * data.of_modes]
+
+
+def scenes_of(data):
+    return setting_of(data.own_scenes) if data.own_scenes else SCENES
+
+
+def physics_of(data):
+    return lambda wildcards: physics(wildcards, scenes_of(data))
+
+
+def sampling_of(data):
+    return lambda wildcards: sampling_settings(wildcards) if data.of_sampling else {}
+
+
+def arguments_of(data):
+    """What its function is given beside scene and datasets."""
+
+    def arguments(wildcards):
+        def setting(key):
+            of_place = {
+                "sampling": sampling_settings,
+                "modes": lambda wildcards: int(wildcards.modes),
+                "seed": seed_of_scene,
+                "all_mode_counts": all_modes,
+                "mode_counts": studied_modes,
+                "largest_mode_count": lambda wildcards: max(studied_modes(wildcards)),
+            }
+            return of_place[key](wildcards) if key in of_place else setting_of(key)
+
+        scene = physical(wildcards.scene, scenes_of(data))
+        return {
+            name: setting(value) if isinstance(value, str) else value(scene, setting)
+            for name, value in data.arguments.items()
+        }
+
+    return arguments
+
+
+def inputs_of(data):
+    """Datasets that are read, once it is known that there is what a target names."""
+
+    def inputs(wildcards):
+        known("scene", wildcards.scene, scenes_of(data))
+        if data.of_sampling:
+            known_sampling(wildcards)
+        if data.of_modes:
+            known_modes(wildcards)
+        if data.needs and not getattr(physical(wildcards.scene, scenes_of(data)), data.needs[0]):
+            stop(f"scene = {wildcards.scene}: this needs one {data.needs[1]}")
+        folder = f"<results>/{wildcards.scene}"
+        return {
+            name: (
+                truth(wildcards.scene)
+                if file == "truth"
+                else os.path.normpath(f"{folder}/{wildcards.get('sampling', '')}/{file}")
+            )
+            for name, file in data.reads.items()
+        }
+
+    return inputs
 
 
 # Inputs without a file, which check what a target names before any job starts ----------------------
@@ -398,25 +409,6 @@ def known_benchmark(wildcards):
     return []
 
 
-def known_undamped(wildcards):
-    """Of which theory tells the growth wave by wave."""
-    scene = known_scene(wildcards) or physical(wildcards.scene)
-    if not scene.is_conservative:
-        stop(f"scene = {wildcards.scene}: this needs one without damping and force")
-    return []
-
-
-def known_even(wildcards):
-    scene = known_scene(wildcards) or physical(wildcards.scene)
-    if not scene.is_even:
-        stop(f"scene = {wildcards.scene}: this needs one with evenly spaced particles")
-    return []
-
-
-def known_edge_scene(wildcards):
-    return known("scene at the edge", wildcards.scene, CONFIG["stability"]["scenes"])
-
-
 def known_reduced_model(wildcards):
     known_sampling(wildcards)
     if not re.fullmatch(
@@ -429,6 +421,13 @@ def known_reduced_model(wildcards):
     except ConfigError as error:
         stop(error)
     return []
+
+
+def known_modes(wildcards):
+    try:
+        check_modes(CONFIG, wildcards.scene, wildcards.sampling, wildcards.modes)
+    except ConfigError as error:
+        stop(error)
 
 
 def known_tolerance(wildcards):
@@ -454,6 +453,8 @@ def figure_inputs(wildcards):
     known("figure", wildcards.name, ALL_FIGURES)
     figure = ALL_FIGURES[wildcards.name]
     scene, sampling = figure.get("scene"), figure.get("sampling")
+    if "study" in figure:
+        return study_inputs(STUDIES[figure["study"]], scene, sampling)
     of_scene, of_sampling = f"<results>/{scene}", f"<results>/{scene}/{sampling}"
     match figure["kind"]:
         case "profile":
@@ -484,26 +485,25 @@ def figure_inputs(wildcards):
             return {"benchmark": f"{of_sampling}/benchmark.nc"}
         case "scaling":
             return {"scaling": f"{of_scene}/scaling.nc"}
-        case "limits":
-            return {"tables": STABILITY["stability"]}
-        case "growth" | "smoothing":
-            return {"scenes": STABILITY[figure["kind"]]}
-        case "operators":
-            return {
-                "samplings": STABILITY["operators"],
-                "random": STABILITY["random_bases"],
-                "runs": growing_runs(),
-            }
-        case "stability_map":
-            return {
-                "damping": f"{of_scene}/stability_map.nc",
-                "modes": f"{of_sampling}/stability_map.nc",
-            }
-        case "amplitude":
-            return {"amplitude": f"{of_sampling}/amplitude.nc"}
-        case "noise":
-            return {"snapshots": f"{of_sampling}/poor_snapshots.nc"}
     return {}
+
+
+def study_inputs(study, scene, sampling):
+    """What the figure of a study shows, of a place or of all."""
+    reads = study.drawing.reads.items()
+    if scene is None:
+        return {argument: paths_of(study, names) for argument, names in reads}
+    places = {True: (scene, sampling), False: (scene,)}
+    return {
+        argument: path_of(name, places[study.datasets[name].of_sampling])
+        for argument, (name,) in reads
+    }
+
+
+def drawing_function(wildcards):
+    """Name of the function that draws a figure."""
+    figure = ALL_FIGURES[wildcards.name]
+    return figure.get("draw") or f"figures.plotting.{figure['kind']}"
 
 
 def figure_category(wildcards):

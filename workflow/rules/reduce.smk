@@ -48,7 +48,7 @@ rule reduced_model:
         "<logs>/{scene}/{sampling}/{method}/k{modes}.log",
     wildcard_constraints:
         # Any other method, so that one that does not exist is refused by name.
-        method="(?!lifted_euler/|lifted_exact/|long_run/)[^/]+",
+        method=f"(?!({'|'.join(['lifted_euler', 'lifted_exact', *STUDIES_OF_MODES])})/)[^/]+",
     params:
         physics=physics,
         sampling=sampling_settings,

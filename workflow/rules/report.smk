@@ -14,42 +14,14 @@ rule figure:
     log:
         "<logs>/figures/{name}.log",
     params:
-        kind=lambda wildcards: ALL_FIGURES[wildcards.name]["kind"],
+        draw=drawing_function,
         options=figure_options,
         caption=lambda wildcards: ALL_FIGURES[wildcards.name]["caption"],
-        code=code("figure.py"),
+        code=lambda wildcards: provenance.digest(drawing_function(wildcards)),
     message:
         "Figure {wildcards.name}"
     script:
         "../scripts/figure.py"
-
-
-rule benchmark_figure:
-    input:
-        unpack(figure_inputs),
-    output:
-        pdf="<figures>/{name}.pdf",
-        png=report(
-            "<figures>/{name}.png",
-            caption="../report/figure.rst",
-            category=figure_category,
-        ),
-    log:
-        "<logs>/figures/{name}.log",
-    wildcard_constraints:
-        name="|".join(BENCHMARK_FIGURES) or "none",
-    params:
-        kind=lambda wildcards: ALL_FIGURES[wildcards.name]["kind"],
-        options={},
-        caption=lambda wildcards: ALL_FIGURES[wildcards.name]["caption"],
-        code=code("benchmark_figure.py"),
-    message:
-        "Figure {wildcards.name}"
-    script:
-        "../scripts/benchmark_figure.py"
-
-
-ruleorder: benchmark_figure > figure
 
 
 rule claims:

@@ -1,0 +1,151 @@
+"""What a study declares: its rules, paths, variables, table and figure follow from it.
+
+A module of a study has a `Study` named ``STUDY``. The workflow makes a rule for each of its
+datasets, named as the study or as the dataset, one for its tables and one for its figures, and adds
+them to the target ``stability``. Functions are named below the package, such as
+"studies.growth.measure", so that a declaration imports nothing; the digest of a result follows the
+function that computes it, and no other part of the module.
+"""
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from importlib import import_module
+from pkgutil import iter_modules
+from typing import Any
+
+import sphpod.studies
+from sphpod.pipeline.dataset import Variable
+from sphpod.scene.scene import Scene
+
+Place = tuple[Any, ...]
+"""A scene, or a scene and a sampling of it, by name, or these and a number of modes."""
+
+Argument = str | Callable[[Scene, Callable[[str], Any]], Any]
+"""What a function is given beside its scene and datasets: a setting by its name, or what is made of
+the scene and of settings by their names. Names join those of the configuration by dots, such as
+"stability.noise_levels"; or are sampling; modes, their number; seed; all_mode_counts, up to the usual largest; and
+mode_counts and largest_mode_count, of those that are studied."""
+
+UNDAMPED = "is_conservative", "without damping and force"
+"""A scene of which theory predicts the growth wave by wave."""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """A NetCDF file of each scene, or of each sampling of each scene.
+
+    Attributes
+    ----------
+    compute : str
+        Function of a scene, of what is read and of the arguments; returns arrays by name.
+    message : str
+        What the job reports, with {scene} and {sampling}.
+    of_sampling, of_modes : bool
+        Whether there is one for each sampling, and for each number of modes of it.
+    reads : dict
+        Of each dataset that the function is given, the file: "pod.nc" is the sampling's,
+        "../sph.nc" the scene's; "truth" is the exact solution, or else the centred reference.
+    arguments : dict
+    needs : (str, str)
+        Property that a scene must have, and what it is in words; empty if it may be any.
+    alone : bool
+        Whether nothing may run beside it, as it measures times or machines.
+    places : callable
+        Places that the study asks for, of a resolved configuration; a path may ask for others.
+    own_scenes : str
+        Where in the configuration its scenes are, if they are not those of the paper's study.
+    """
+
+    compute: str
+    message: str
+    of_sampling: bool = False
+    of_modes: bool = False
+    reads: Mapping[str, str] = field(default_factory=dict)
+    arguments: Mapping[str, Argument] = field(default_factory=dict)
+    needs: tuple[str, str] | tuple[()] = ()
+    alone: bool = False
+    places: Callable[[Mapping[str, Any]], Iterable[Place]] = lambda config: ()
+    own_scenes: str = ""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """Figures of a study.
+
+    Attributes
+    ----------
+    draw : str
+        Function that returns a figure.
+    caption : str
+        With {scene} and {sampling}, if there is one for each place.
+    reads : dict
+        Of each argument, the datasets of the study that it is given, all by place or one.
+    places : callable
+        Places that have a figure of their own; None where one figure shows them all.
+    """
+
+    draw: str
+    caption: str
+    reads: Mapping[str, tuple[str, ...]]
+    places: Callable[[Mapping[str, Any]], Iterable[Place]] | None = None
+
+
+@dataclass(frozen=True)
+class Study:
+    """All that the workflow needs to know of a study.
+
+    Attributes
+    ----------
+    datasets : dict
+        By name, which is that of the rule and of the file.
+    variables : dict
+        What the arrays mean that no other study has, by name.
+    tables : dict
+        Of each table, the function of its rows, and the datasets that it is of. The function is one
+        of a place and the arrays there, or of the arrays of all places; a row is a dict.
+    drawing : Drawing or None
+    settings : dict
+        JSON schemas of its keys in the configuration, ``studies.<name>``, with defaults.
+    """
+
+    datasets: Mapping[str, Dataset]
+    variables: Mapping[str, Variable] = field(default_factory=dict)
+    tables: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+    drawing: Drawing | None = None
+    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+
+
+def function(name: str) -> Callable[..., Any]:
+    """A function by its name below the package, such as "full.sph.solve"."""
+    module, _, attribute = name.rpartition(".")
+    return getattr(import_module(f"sphpod.{module}"), attribute)
+
+
+def declared(module: str) -> Study | None:
+    """The study that a module below the package declares, if it does."""
+    return getattr(import_module(f"sphpod.{module}"), "STUDY", None)
+
+
+def studies() -> dict[str, Study]:
+    """All studies by name, which is that of their module."""
+    names = [module.name for module in iter_modules(sphpod.studies.__path__)]
+    found = {name: declared(f"studies.{name}") for name in names}
+    return {name: study for name, study in found.items() if study}
+
+
+def scenes(config: Mapping[str, Any], needs: str = "") -> list[Place]:
+    """All scenes, or those with a property."""
+    return [
+        (name,)
+        for name, settings in config["scenes"].items()
+        if not needs or getattr(Scene.from_settings(name, settings), needs)
+    ]
+
+
+def samplings(config: Mapping[str, Any], first: bool = False) -> list[Place]:
+    """All samplings of all scenes, or the first of each."""
+    return [
+        (name, sampling)
+        for name, scene in config["scenes"].items()
+        for sampling in list(scene["samplings"])[: 1 if first else None]
+    ]

@@ -1,0 +1,48 @@
+"""Studies are computed, put in tables and drawn, each as its module declares
+(`sphpod/studies/study.py`). Rules have the names of the datasets."""
+
+for word, study in STUDIES.items():
+    for name, data in study.datasets.items():
+
+        rule:
+            name:
+                name
+            input:
+                unpack(inputs_of(data)),
+            output:
+                path_of(name, wildcards_of(data)),
+            log:
+                path_of(name, wildcards_of(data), "<logs>", "log"),
+            wildcard_constraints:
+                modes=r"[1-9]\d*",
+            threads: lambda wildcards, data=data: workflow.cores if data.alone else 1
+            params:
+                physics=physics_of(data),
+                arguments=arguments_of(data),
+                study=word,
+                compute=data.compute,
+                alone=data.alone,
+                sampling=sampling_of(data),
+                code=provenance.digest(data.compute),
+            message:
+                data.message.replace("{", "{wildcards.")
+            script:
+                "../scripts/study.py"
+
+
+rule table:
+    input:
+        lambda wildcards: TABLES[wildcards.table][1],
+    output:
+        "<results>/{table}.csv",
+    log:
+        "<logs>/{table}_table.log",
+    wildcard_constraints:
+        table="|".join(TABLES),
+    params:
+        rows=lambda wildcards: TABLES[wildcards.table][0],
+        code=lambda wildcards: provenance.digest(TABLES[wildcards.table][0]),
+    message:
+        "Study in a table, {wildcards.table}"
+    script:
+        "../scripts/table.py"
