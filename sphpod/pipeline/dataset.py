@@ -254,7 +254,7 @@ def write(
     path
         The file; its folder is made where it is missing.
     arrays
-        Arrays by name, shaped as `VARIABLES` or ``variables`` says; a NaN is a value like any other.
+        Arrays by name, shaped as `VARIABLES` or ``variables`` says; NaN is a value too.
     title
         What the file holds, in one line.
     settings

@@ -10,9 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sphpod.full import lifted
-from sphpod.numerics.error import blocks, share
+from sphpod.numerics.error import FIELDS, blocks, share
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.error_bound import FullModel, error_bounds
+from sphpod.reduced.sweep import failed, sweep
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
 
@@ -56,47 +57,48 @@ def certify(
         The model for a single mode count broke down; in a sweep, its errors are infinite.
     """
     counts = list(mode_counts)
-    arrays = lifted_rom.no_errors(counts, "reference")
-    names = (
-        "velocity_error_lifted", "strain_error_lifted", "energy_error_lifted", "energy_error_bound",
-        "residual_bound", "difference_from_best",
-    )  # fmt: skip
-    arrays |= {name: np.full(len(counts), np.inf) for name in names}
-    arrays["bound_slack"] = np.full(len(counts), np.nan)
-    arrays["modes_resolved"] = lifted_rom.modes_resolved(modes, counts)
-    scales = lifted.energy_weights(scene)
     velocity, strain = (
         Seen.of(full[field], scale, modes[f"scaled_{field}_modes"][: max(counts)])
-        for field, scale in zip(("velocity", "strain"), scales, strict=True)
+        for field, scale in zip(("velocity", "strain"), lifted.energy_weights(scene), strict=True)
     )
     norms = np.sqrt(velocity.total + strain.total)
     best, operators = Best.of(scene, modes), FullModel.of(scene)
-    for n, count in enumerate(counts):
-        model = lifted_rom.build(scene, modes, count)
-        prepared = model.prepare("lifted_exact")
-        try:
-            state = prepared.solve()
-        except Breakdown as breakdown:
-            if len(counts) == 1:
-                raise
-            arrays["breakdown_time"][n] = breakdown.time
-            continue
-        for field, error in lifted_rom.field_errors(prepared, state, reference).items():
-            arrays[f"{field}_error_reference"][n] = error
-        a, b = model.coordinates(state)
-        squares = velocity.squares(a), strain.squares(b)
-        for name, seen, square in zip(names, (velocity, strain), squares, strict=False):
-            arrays[name][n] = share(np.sqrt(square.sum()), np.sqrt(seen.total.sum()))
+    bounds = {}
+
+    def measure(solution):
+        prepared, state = solution
+        reduced = prepared.model.coordinates(state)
+        squares = velocity.squares(reduced[0]), strain.squares(reduced[1])
         error = np.sqrt(squares[0] + squares[1])
         bound, plain = error_bounds(prepared, state, operators)
-        arrays["energy_error_lifted"][n] = share(error.max(), norms.max())
-        arrays["energy_error_bound"][n] = share(bound.max(), norms.max())
-        arrays["residual_bound"][n] = share(plain.max(), norms.max())
-        arrays["difference_from_best"][n] = best.difference(a, b)
-        arrays["bound_slack"][n] = share((bound - error).min(), norms.max())
-        if len(counts) == 1:
-            arrays |= prepared.stored(state) | {"error_bound": bound}
-    return arrays
+        bounds["error_bound"] = bound
+        against = lifted_rom.field_errors(prepared, state, reference)
+        return {
+            **{f"{field}_error_reference": error for field, error in against.items()},
+            "velocity_error_lifted": part(squares[0], velocity.total),
+            "strain_error_lifted": part(squares[1], strain.total),
+            "energy_error_lifted": share(error.max(), norms.max()),
+            "energy_error_bound": share(bound.max(), norms.max()),
+            "residual_bound": share(plain.max(), norms.max()),
+            "difference_from_best": best.difference(*reduced),
+            "bound_slack": share((bound - error).min(), norms.max()),
+        }
+
+    def part(squares, total):
+        return share(np.sqrt(squares.sum()), np.sqrt(total.sum()))
+
+    lifted_errors = failed(("velocity", "strain", "energy"), "lifted")
+    names = "energy_error_bound", "residual_bound", "difference_from_best"
+    columns = failed(FIELDS, "reference") | lifted_errors | dict.fromkeys(names, np.inf)
+    found = lifted_rom.solve_each(scene, counts, modes, "lifted_exact")
+    arrays = sweep(
+        counts,
+        found,
+        measure,
+        columns | {"bound_slack": np.nan},
+        lambda solution: lifted_rom.stored(solution) | bounds,
+    )
+    return arrays | {"modes_resolved": lifted_rom.modes_resolved(modes, counts)}
 
 
 def choose(

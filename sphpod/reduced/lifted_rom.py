@@ -18,7 +18,7 @@ output to output, exactly in time (``lifted_exact``) or as explicit Euler would 
 """
 
 import logging
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -30,6 +30,7 @@ from sphpod.numerics.error import FIELDS, blocks, share
 from sphpod.numerics.propagator import Jumps
 from sphpod.reduced.pod import Modes, checked, named, resolved
 from sphpod.reduced.pod import modes as proper_modes
+from sphpod.reduced.sweep import failed, sweep
 from sphpod.scene.breakdown import RESOLVED, Breakdown, first_broken
 from sphpod.scene.scene import Scene
 
@@ -479,7 +480,7 @@ def repeat_sph(
     scene: Scene,
     mode_counts: Iterable[int],
     modes: Mapping[str, np.ndarray],
-    sph: Mapping[str, np.ndarray],
+    full: Mapping[str, np.ndarray],
     reference: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
     """Errors of ``lifted_euler`` for several mode counts; its coordinates, if it is only one.
@@ -491,8 +492,8 @@ def repeat_sph(
         Velocity modes, or all there are.
     modes : dict
         As from `decompose`.
-    sph, reference : dict
-        velocity and density (times, N).
+    full, reference : dict
+        velocity and density (times, N), of full SPH and of a reference.
 
     Returns
     -------
@@ -505,32 +506,37 @@ def repeat_sph(
         The model for a single mode count broke down; in a sweep, its errors are infinite.
     """
     counts = list(mode_counts)
-    arrays = no_errors(counts, "sph", "reference")
-    arrays["modes_resolved"] = modes_resolved(modes, counts)
-    for n, count in enumerate(counts):
-        prepared = build(scene, modes, count).prepare("lifted_euler")
+    solutions = {"sph": full, "reference": reference}
+
+    def measure(solution):
+        prepared, state = solution
+        return {
+            f"{field}_error_{name}": error
+            for name, fields in solutions.items()
+            for field, error in field_errors(prepared, state, fields).items()
+        }
+
+    found = solve_each(scene, counts, modes, "lifted_euler")
+    arrays = sweep(counts, found, measure, failed(FIELDS, *solutions), stored)
+    return arrays | {"modes_resolved": modes_resolved(modes, counts)}
+
+
+def solve_each(
+    scene: Scene, mode_counts: Iterable[int], modes: Mapping[str, np.ndarray], method: str
+) -> Iterator[tuple[Prepared, np.ndarray] | Breakdown]:
+    """A prepared model and its coordinates for each mode count, or how it broke down."""
+    for count in mode_counts:
+        prepared = build(scene, modes, count).prepare(method)
         try:
-            state = prepared.solve()
+            yield prepared, prepared.solve()
         except Breakdown as breakdown:
-            if len(counts) == 1:
-                raise
-            arrays["breakdown_time"][n] = breakdown.time
-            continue
-        for against, solution in (("sph", sph), ("reference", reference)):
-            for field, error in field_errors(prepared, state, solution).items():
-                arrays[f"{field}_error_{against}"][n] = error
-        if len(counts) == 1:
-            arrays |= prepared.stored(state)
-    return arrays
+            yield breakdown
 
 
-def no_errors(counts: list[int], *against: str) -> dict[str, np.ndarray]:
-    """Arrays for the errors of so many mode counts, infinite until they are known."""
-    errors = {
-        f"{field}_error_{one}": np.full(len(counts), np.inf) for one in against for field in FIELDS
-    }
-    breakdown_time = np.full(len(counts), np.nan)
-    return {"mode_count": np.array(counts), **errors, "breakdown_time": breakdown_time}
+def stored(solution: tuple[Prepared, np.ndarray]) -> dict[str, np.ndarray]:
+    """What is kept of a model and its coordinates, as `Prepared.stored`."""
+    prepared, state = solution
+    return prepared.stored(state)
 
 
 def field_errors(

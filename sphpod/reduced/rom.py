@@ -24,8 +24,10 @@ import numpy as np
 
 from sphpod.full.sph import SOUND
 from sphpod.numerics.compiled import compiled, compiled_sums
-from sphpod.numerics.error import FIELDS, Projection, blocks
+from sphpod.numerics.error import FIELDS, blocks, project_solution
 from sphpod.reduced.pod import resolved
+from sphpod.reduced.sweep import failed
+from sphpod.reduced.sweep import sweep as repeat
 from sphpod.scene.breakdown import RESOLVED, Breakdown, first_broken
 from sphpod.scene.scene import ABSENT, Scene
 
@@ -273,8 +275,8 @@ def sweep(
     method: str,
     mode_counts: Iterable[int],
     modes: Mapping[str, np.ndarray],
-    sph: Mapping[str, Projection],
-    reference: Mapping[str, Projection],
+    sph: Mapping[str, np.ndarray],
+    reference: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
     """Errors of a reduced model for several mode counts; its coordinates, if it is only one.
 
@@ -287,53 +289,45 @@ def sweep(
     modes : dict
         velocity_modes, density_modes (one a row), velocity_span_rounding, density_span_rounding.
     sph, reference : dict
-        velocity and density, each projected on all those modes (``error.project``).
+        velocity and density (times, N).
 
     Returns
     -------
     dict
-        mode_count, velocity_error_sph, density_error_sph, velocity_error_reference,
-        density_error_reference, breakdown_time [s] (NaN where none), modes_resolved, as from
-        `modes_resolved`, each of shape (counts,); and for a single count t,
-        velocity_coordinates, density_coordinates.
+        As from `sweep.sweep`: velocity_error_sph, density_error_sph, velocity_error_reference,
+        density_error_reference, infinite where a model broke down; modes_resolved, as from
+        `modes_resolved`; and for a single count t, velocity_coordinates, density_coordinates.
 
     Raises
     ------
     Breakdown
-        The model for a single mode count broke down. In a sweep, the errors of a mode count that
-        does are infinite, and the time is kept.
+        The model for a single mode count broke down.
     """
     counts = list(mode_counts)
-    steps = scene.error_steps
-    arrays: dict[str, np.ndarray] = {
-        "mode_count": np.array(counts),
-        "modes_resolved": modes_resolved(modes, counts),
+    solutions = {
+        name: project_solution(fields, modes, max(counts))
+        for name, fields in (("sph", sph), ("reference", reference))
     }
-    errors = {
-        f"{field}_error_{against}": np.full(len(counts), np.inf)
-        for against in ("sph", "reference")
-        for field in FIELDS
-    }
-    breakdown_time = np.full(len(counts), np.nan)
-    models = [model(scene, method, modes, count) for count in counts]
-    for n, (velocity, density, breakdown) in enumerate(solve_each(models, steps)):
-        if breakdown is not None:
-            if len(counts) == 1:
-                raise breakdown
-            breakdown_time[n] = breakdown.time
-            continue
-        for against, projections in (("sph", sph), ("reference", reference)):
-            for field, reduced in zip(FIELDS, (velocity, density), strict=True):
-                error = projections[field].relative_error(reduced)
-                errors[f"{field}_error_{against}"][n] = error
-    arrays |= errors | {"breakdown_time": breakdown_time}
-    if len(counts) == 1:
-        arrays |= {
+
+    def measure(reduced):
+        return {
+            f"{field}_error_{name}": projected[field].relative_error(coordinates)
+            for name, projected in solutions.items()
+            for field, coordinates in zip(FIELDS, reduced, strict=True)
+        }
+
+    def kept(reduced):
+        velocity, density = reduced
+        return {
             "t": scene.error_times,
             "velocity_coordinates": velocity,
             "density_coordinates": density,
         }
-    return arrays
+
+    models = [model(scene, method, modes, count) for count in counts]
+    found = (broken or reduced for *reduced, broken in solve_each(models, scene.error_steps))
+    arrays = repeat(counts, found, measure, failed(FIELDS, *solutions), kept)
+    return arrays | {"modes_resolved": modes_resolved(modes, counts)}
 
 
 def solve_each(models: Iterable[ReducedModel], steps: np.ndarray) -> Iterator[Solution]:
@@ -386,7 +380,7 @@ def accelerate(
     n_freeze: Iterable[int],
     mode_counts: Iterable[int],
     modes: Mapping[str, np.ndarray],
-    sph: Mapping[str, Projection],
+    sph: Mapping[str, np.ndarray],
 ) -> dict[str, np.ndarray]:
     """Errors of an acceleration study: original, linearized and frozen models against full SPH.
 
@@ -405,13 +399,14 @@ def accelerate(
         where a model broke down.
     """
     contenders, counts = acceleration_contenders(n_freeze), list(mode_counts)
+    projected = project_solution(sph, modes, max(counts))
     errors = {field: np.full((len(contenders), len(counts)), np.inf) for field in FIELDS}
     for row, method in enumerate(contenders):
         for column, count in enumerate(counts):
             *reduced, breakdown = model(scene, method, modes, count).solve(scene.error_steps)
             if breakdown is None:
                 for field, coordinates in zip(FIELDS, reduced, strict=True):
-                    errors[field][row, column] = sph[field].relative_error(coordinates)
+                    errors[field][row, column] = projected[field].relative_error(coordinates)
     return {
         "contender": np.array(contenders),
         "n_freeze": np.array([freeze_steps(method) for method in contenders]),

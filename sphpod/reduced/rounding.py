@@ -17,6 +17,17 @@ from sphpod.reduced.snapshots import extract, sampling_steps
 from sphpod.scene.scene import Scene
 
 
+def sampled(
+    scene: Scene, sampling: Mapping[str, Any], solution: Mapping[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """Snapshots of full SPH, and the same of a run that starts one unit in the last place beside.
+
+    Parameters and arrays are those of `snapshots.extract`, with a solution at all its times, and
+    of `twins`.
+    """
+    return extract(scene, sampling, solution) | twins(scene, sampling)
+
+
 def twins(scene: Scene, sampling: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """Snapshots of full SPH that starts one unit in the last place beside.
 

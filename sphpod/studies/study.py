@@ -23,8 +23,8 @@ Place = tuple[Any, ...]
 Argument = str | Callable[[Scene, Callable[[str], Any]], Any]
 """What a function is given beside its scene and datasets: a setting by its name, or what is made of
 the scene and of settings by their names. Names join those of the configuration by dots, such as
-"stability.noise_levels"; or are sampling; modes, their number; seed; all_mode_counts, up to the usual largest; and
-mode_counts and largest_mode_count, of those that are studied."""
+"stability.noise_levels"; or are sampling; modes, their number; seed; all_mode_counts, up to the
+usual largest; and mode_counts and largest_mode_count, of those that are studied."""
 
 UNDAMPED = "is_conservative", "without damping and force"
 """A scene of which theory predicts the growth wave by wave."""
@@ -121,7 +121,13 @@ def function(name: str) -> Callable[..., Any]:
     return getattr(import_module(f"sphpod.{module}"), attribute)
 
 
-def declared(module: str) -> Study | None:
+def variables(name: str) -> Mapping[str, Variable]:
+    """What names mean in the arrays of a function that only its study has."""
+    study = _declared(name.rpartition(".")[0])
+    return study.variables if study else {}
+
+
+def _declared(module):
     """The study that a module below the package declares, if it does."""
     return getattr(import_module(f"sphpod.{module}"), "STUDY", None)
 
@@ -129,7 +135,7 @@ def declared(module: str) -> Study | None:
 def studies() -> dict[str, Study]:
     """All studies by name, which is that of their module."""
     names = [module.name for module in iter_modules(sphpod.studies.__path__)]
-    found = {name: declared(f"studies.{name}") for name in names}
+    found = {name: _declared(f"studies.{name}") for name in names}
     return {name: study for name, study in found.items() if study}
 
 

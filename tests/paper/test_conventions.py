@@ -145,10 +145,9 @@ def results():
             taken = snapshots.extract(scene, settings["samplings"][sampling], full)
             found[f"{name}/{sampling}/snapshots.nc"] = taken
             modes = pod.decompose(taken)
-            seen = {f: error.project(samples[f], modes[f"{f}_modes"]) for f in paper.FIELDS}
             counts = settings["samplings"][sampling]["mode_counts"]
             found[f"{name}/{sampling}/original/k{counts}.nc"] = rom.sweep(
-                scene, "original", config.parse_modes(counts), modes, seen, seen
+                scene, "original", config.parse_modes(counts), modes, samples, samples
             )
     return study, found
 

@@ -109,13 +109,12 @@ def test_errors_fall_to_rounding_of_the_model_and_equal_those_of_the_fields():
     case = scene()
     modes = snapshot_modes(case)
     full = sph.solve(case, case.error_steps)
-    projections = {f: error.project(full[f], modes[f"{f}_modes"]) for f in ("velocity", "density")}
-    result = rom.sweep(case, "original", [2, 4, 8, 12], modes, projections, projections)
+    result = rom.sweep(case, "original", [2, 4, 8, 12], modes, full, full)
     assert result["mode_count"].tolist() == [2, 4, 8, 12]
     for field in ("velocity", "density"):
         errors = result[f"{field}_error_sph"]
         assert np.all(np.diff(errors) < 0)
-        single = rom.sweep(case, "original", [4], modes, projections, projections)
+        single = rom.sweep(case, "original", [4], modes, full, full)
         lifted = single[f"{field}_coordinates"] @ modes[f"{field}_modes"][:4]
         direct = error.relative_error(lifted, full[field])
         assert single[f"{field}_error_sph"][0] == pytest.approx(errors[1], rel=1e-9)
@@ -148,23 +147,21 @@ def test_a_model_that_breaks_down_is_told_of_and_does_not_stop_a_sweep():
     # Density modes that cannot hold the strain, on a scene many times as strong.
     strong = scene("crash", duration=4, initial_velocity="3*cos(2*pi*x/L)")
     full = sph.solve(scene("crash", duration=4), case.error_steps)
-    projections = {f: error.project(full[f], modes[f"{f}_modes"]) for f in ("velocity", "density")}
-    result = rom.sweep(strong, "original", [2, 4], modes, projections, projections)
+    result = rom.sweep(strong, "original", [2, 4], modes, full, full)
     broken = np.isfinite(result["breakdown_time"])
     assert broken.any()
     assert np.isinf(result["velocity_error_sph"][broken]).all()
     count = int(result["mode_count"][broken][0])
     with pytest.raises(Breakdown, match=r"scene crash: the original model with \d+ modes broke"):
-        rom.sweep(strong, "original", [count], modes, projections, projections)
+        rom.sweep(strong, "original", [count], modes, full, full)
 
 
 def test_coefficients_frozen_for_longer_than_the_run_are_those_of_its_start():
     case = scene()
     modes = snapshot_modes(case)
     full = sph.solve(case, case.error_steps)
-    projections = {f: error.project(full[f], modes[f"{f}_modes"]) for f in ("velocity", "density")}
     longest = [case.step_count, 10**11, 999_999_999_999_999]
-    found = rom.accelerate(case, longest, [4], modes, projections)
+    found = rom.accelerate(case, longest, [4], modes, full)
     assert found["n_freeze"].tolist() == [0, 0, *longest]
     for field in ("velocity", "density"):
         errors = found[f"acceleration_{field}_error"][2:, 0]
@@ -269,10 +266,9 @@ def test_more_modes_than_there_are_is_told_of(caplog):
     modes = {field: rows[:6] for field, rows in snapshot_modes(case).items()}
     modes["density_modes"] = modes["density_modes"][:5]
     full = sph.solve(case, case.error_steps)
-    projections = {f: error.project(full[f], modes[f"{f}_modes"]) for f in ("velocity", "density")}
-    rom.sweep(case, "original", [5], modes, projections, projections)
+    rom.sweep(case, "original", [5], modes, full, full)
     assert not caplog.messages
-    rom.sweep(case, "original", [9], modes, projections, projections)
+    rom.sweep(case, "original", [9], modes, full, full)
     assert caplog.messages == [
         "scene test: 9 modes asked for, the snapshots hold 6 of velocity and 5 of density"
     ]

@@ -35,8 +35,7 @@ PROGRAM = """if True:
         taken = snapshots.extract(scene, sampling, full) | rounding.twins(scene, sampling)
         modes = pod.decompose(taken)
         counts = range(1, 1 + sampling["count"])
-        seen = error.project_solution(fields, modes, max(counts))
-        sweep = rom.sweep(scene, "original", counts, modes, seen, seen)
+        sweep = rom.sweep(scene, "original", counts, modes, fields, fields)
         for arrays in (taken, modes, lifted_rom.decompose(scene, taken), sweep):
             results |= {f"{name}/{key}": values for key, values in arrays.items()}
     np.savez(sys.argv[1], **results)

@@ -7,7 +7,7 @@ claims.md."""
 rule cpu_time:
     input:
         known_study,
-        pod="<results>/{scene}/{sampling}/pod.nc",
+        modes="<results>/{scene}/{sampling}/pod.nc",
     output:
         "<results>/{scene}/{sampling}/cpu_time.nc",
     log:
@@ -15,91 +15,94 @@ rule cpu_time:
     priority: 1  # one after another, before what could run beside them in pairs
     threads: lambda wildcards: workflow.cores
     params:
-        physics=physics,
-        sampling=sampling_settings,
-        study=study_settings,
-        repeats=CONFIG["benchmark"]["repeats"],
-        code=code("cpu_time.py"),
+        **computed(
+            "studies.timing.compare",
+            alone=True,
+            of_sampling=True,
+            n_freeze=lambda wildcards: study_settings(wildcards)["n_freeze"],
+            mode_counts=lambda wildcards: study_settings(wildcards)["mode_counts"],
+            repeats=CONFIG["benchmark"]["repeats"],
+        ),
     message:
         "{wildcards.scene}: CPU times, snapshots {wildcards.sampling}"
     script:
-        "../scripts/cpu_time.py"
+        "../scripts/dataset.py"
 
 
-rule step_time:
+use rule cpu_time as benchmark with:
+    input:
+        known_study,
+        taken="<results>/{scene}/{sampling}/snapshots.nc",
+        full="<results>/{scene}/sph.nc",
+    output:
+        "<results>/{scene}/{sampling}/benchmark.nc",
+    log:
+        "<logs>/{scene}/{sampling}/benchmark.log",
+    priority: 0
+    params:
+        **computed(
+            "studies.benchmark.compare",
+            alone=True,
+            of_sampling=True,
+            sampling=sampling_settings,
+            study=study_settings,
+            repeats=CONFIG["benchmark"]["repeats"],
+        ),
+    message:
+        "{wildcards.scene}: run time against error of every method, snapshots {wildcards.sampling}"
+
+
+use rule benchmark as step_time with:
     input:
         known_scene,
     output:
         "<results>/{scene}/step_time.nc",
     log:
         "<logs>/{scene}/step_time.log",
-    threads: lambda wildcards: workflow.cores
     params:
-        physics=physics,
-        repeats=CONFIG["benchmark"]["repeats"],
-        code=code("step_time.py"),
+        **computed(
+            "studies.timing.compare_steps",
+            alone=True,
+            repeats=CONFIG["benchmark"]["repeats"],
+        ),
     message:
         "{wildcards.scene}: CPU time of a step of full SPH"
-    script:
-        "../scripts/step_time.py"
 
 
-rule benchmark:
-    input:
-        known_study,
-        snapshots="<results>/{scene}/{sampling}/snapshots.nc",
-        sph="<results>/{scene}/sph.nc",
-    output:
-        "<results>/{scene}/{sampling}/benchmark.nc",
-    log:
-        "<logs>/{scene}/{sampling}/benchmark.log",
-    threads: lambda wildcards: workflow.cores
-    params:
-        physics=physics,
-        sampling=sampling_settings,
-        study=study_settings,
-        repeats=CONFIG["benchmark"]["repeats"],
-        code=code("benchmark.py"),
-    message:
-        "{wildcards.scene}: run time against error of every method, snapshots {wildcards.sampling}"
-    script:
-        "../scripts/benchmark.py"
-
-
-rule scaling:
+use rule benchmark as scaling with:
     input:
         known_benchmark,
     output:
         "<results>/{scene}/scaling.nc",
     log:
         "<logs>/{scene}/scaling.log",
-    threads: lambda wildcards: workflow.cores
     params:
-        physics=physics,
-        benchmark=CONFIG["benchmark"],
-        code=code("scaling.py"),
+        **computed(
+            "studies.scaling.measure",
+            alone=True,
+            particle_counts=CONFIG["benchmark"]["particle_counts"],
+            mode_counts=CONFIG["benchmark"]["mode_counts"],
+            repeats=CONFIG["benchmark"]["repeats"],
+        ),
     message:
         "{wildcards.scene}: time and memory of a step against particles and modes"
-    script:
-        "../scripts/scaling.py"
 
 
-rule skipping:
+use rule benchmark as skipping with:
     input:
         known_benchmark,
     output:
         "<results>/{scene}/skipping.nc",
     log:
         "<logs>/{scene}/skipping.log",
-    threads: lambda wildcards: workflow.cores
     params:
-        physics=physics,
-        repeats=CONFIG["benchmark"]["repeats"],
-        code=code("skipping.py"),
+        **computed(
+            "studies.skipping.measure",
+            alone=True,
+            repeats=CONFIG["benchmark"]["repeats"],
+        ),
     message:
         "{wildcards.scene}: what it saves to leave out what is not needed"
-    script:
-        "../scripts/skipping.py"
 
 
 rule timing_table:

@@ -299,6 +299,47 @@ def figure_options(wildcards):
     return options
 
 
+# What the one script of datasets is given -----------------------------------------------------------
+
+REFERENCES = {
+    "fd": "reference.reference.solve_paper",
+    "centred": "reference.reference.solve_centred",
+    "exact": "reference.exact.solve",
+    "modified": "reference.exact.solve_modified",
+}
+LIFTED_METHODS = {
+    "lifted_euler": "reduced.lifted_rom.repeat_sph",
+    "lifted_exact": "reduced.certificate.certify",
+}
+
+
+def computed(compute, alone=False, of_sampling=False, all_times=False, scenes=SCENES, **arguments):
+    """Parameters of a rule: its function and, beside scene and inputs, what that is given.
+
+    The function and arguments may be of the wildcards, as parameters of Snakemake.
+    """
+
+    def of(value, wildcards):
+        return value(wildcards) if callable(value) else value
+
+    return {
+        "compute": lambda wildcards: of(compute, wildcards),
+        "code": lambda wildcards: provenance.digest(of(compute, wildcards)),
+        "physics": lambda wildcards: physics(wildcards, scenes),
+        "sampling": lambda wildcards: sampling_settings(wildcards) if of_sampling else {},
+        "arguments": lambda wildcards: {
+            name: of(value, wildcards) for name, value in arguments.items()
+        },
+        "alone": alone,
+        "all_times": all_times,
+    }
+
+
+def lifted_from(scene, method):
+    """The full model whose errors a lifted model has: full SPH, or the lifted one exact in time."""
+    return f"<results>/{scene}/{'sph' if method == 'lifted_euler' else 'lifted_full'}.nc"
+
+
 # What a study declares of a dataset, as a rule is given it --------------------------------------------
 
 
@@ -310,36 +351,28 @@ def scenes_of(data):
     return setting_of(data.own_scenes) if data.own_scenes else SCENES
 
 
-def physics_of(data):
-    return lambda wildcards: physics(wildcards, scenes_of(data))
-
-
-def sampling_of(data):
-    return lambda wildcards: sampling_settings(wildcards) if data.of_sampling else {}
-
-
 def arguments_of(data):
-    """What its function is given beside scene and datasets."""
+    """What its function is given beside scene and datasets, of wildcards."""
 
-    def arguments(wildcards):
-        def setting(key):
-            of_place = {
-                "sampling": sampling_settings,
-                "modes": lambda wildcards: int(wildcards.modes),
-                "seed": seed_of_scene,
-                "all_mode_counts": all_modes,
-                "mode_counts": studied_modes,
-                "largest_mode_count": lambda wildcards: max(studied_modes(wildcards)),
-            }
-            return of_place[key](wildcards) if key in of_place else setting_of(key)
-
-        scene = physical(wildcards.scene, scenes_of(data))
-        return {
-            name: setting(value) if isinstance(value, str) else value(scene, setting)
-            for name, value in data.arguments.items()
+    def setting(key, wildcards):
+        of_place = {
+            "sampling": sampling_settings,
+            "modes": lambda wildcards: int(wildcards.modes),
+            "seed": seed_of_scene,
+            "all_mode_counts": all_modes,
+            "mode_counts": studied_modes,
+            "largest_mode_count": lambda wildcards: max(studied_modes(wildcards)),
         }
+        return of_place[key](wildcards) if key in of_place else setting_of(key)
 
-    return arguments
+    def argument(value):
+        if isinstance(value, str):
+            return lambda wildcards: setting(value, wildcards)
+        return lambda wildcards: value(
+            physical(wildcards.scene, scenes_of(data)), lambda key: setting(key, wildcards)
+        )
+
+    return {name: argument(value) for name, value in data.arguments.items()}
 
 
 def inputs_of(data):

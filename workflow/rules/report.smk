@@ -1,4 +1,4 @@
-"""Results are drawn, held against the paper, and told."""
+"""Results are drawn, put in tables, and compared with the paper."""
 
 
 rule figure:
@@ -22,6 +22,38 @@ rule figure:
         "Figure {wildcards.name}"
     script:
         "../scripts/figure.py"
+
+
+rule thresholds:
+    input:
+        sweeps=full_sweeps("original", "lifted_euler") + study_sweeps(),
+        errors=[f"<results>/{scene}/errors.nc" for scene in sampled_scenes()],
+    output:
+        "<results>/thresholds.csv",
+    log:
+        "<logs>/thresholds.log",
+    params:
+        code=code("thresholds.py"),
+    message:
+        "Mode counts from which each reduced model works"
+    script:
+        "../scripts/thresholds.py"
+
+
+rule certificates:
+    input:
+        full_sweeps("lifted_exact"),
+    output:
+        effectivity="<results>/effectivity.csv",
+        certificates="<results>/certificates.csv",
+    log:
+        "<logs>/certificates.log",
+    params:
+        code=code("certificates.py"),
+    message:
+        "Error bounds beside errors, and what they certify"
+    script:
+        "../scripts/certificates.py"
 
 
 rule claims:

@@ -1,4 +1,4 @@
-"""Scenes are solved: full SPH, the references, and how far they are apart."""
+"""Scenes are solved: full SPH in density and in strain, the references, and how far they are apart."""
 
 
 rule sph:
@@ -26,15 +26,27 @@ rule reference:
     log:
         "<logs>/{scene}/reference_{kind}.log",
     params:
-        physics=physics,
-        code=code("reference.py"),
+        **computed(lambda wildcards: REFERENCES[wildcards.kind]),
     message:
         "{wildcards.scene}: reference solution, {wildcards.kind}"
     script:
-        "../scripts/reference.py"
+        "../scripts/dataset.py"
 
 
-rule errors:
+use rule reference as lifted_full with:
+    input:
+        known_scene,
+    output:
+        "<results>/{scene}/lifted_full.nc",
+    log:
+        "<logs>/{scene}/lifted_full.log",
+    params:
+        **computed("full.lifted.solve", integrator="exact"),
+    message:
+        "{wildcards.scene}: lifted full model, exact in time"
+
+
+use rule reference as errors with:
     input:
         known_scene,
         sph="<results>/{scene}/sph.nc",
@@ -44,10 +56,9 @@ rule errors:
     log:
         "<logs>/{scene}/errors.log",
     params:
-        physics=physics,
-        kinds=lambda wildcards: SCENES[wildcards.scene]["references"],
-        code=code("errors.py"),
+        **computed(
+            "numerics.error.table",
+            kinds=lambda wildcards: SCENES[wildcards.scene]["references"],
+        ),
     message:
         "{wildcards.scene}: errors of full SPH and of the references"
-    script:
-        "../scripts/errors.py"

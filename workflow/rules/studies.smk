@@ -17,17 +17,17 @@ for word, study in STUDIES.items():
                 modes=r"[1-9]\d*",
             threads: lambda wildcards, data=data: workflow.cores if data.alone else 1
             params:
-                physics=physics_of(data),
-                arguments=arguments_of(data),
-                study=word,
-                compute=data.compute,
-                alone=data.alone,
-                sampling=sampling_of(data),
-                code=provenance.digest(data.compute),
+                **computed(
+                    data.compute,
+                    data.alone,
+                    data.of_sampling,
+                    scenes=scenes_of(data),
+                    **arguments_of(data),
+                ),
             message:
                 data.message.replace("{", "{wildcards.")
             script:
-                "../scripts/study.py"
+                "../scripts/dataset.py"
 
 
 rule table:

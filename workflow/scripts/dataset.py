@@ -1,0 +1,34 @@
+"""Call the function that a rule names with its scene, inputs and arguments; write what it returns."""
+
+import inspect
+
+from sphpod.pipeline import dataset, job
+from sphpod.scene.scene import Scene
+from sphpod.studies import study, timing
+
+if __name__ == "__main__":
+    given = job.start(snakemake)
+    params, place = snakemake.params, dict(snakemake.wildcards)
+    settings = {**place, **params.physics, **params.arguments}
+    if params.sampling:
+        settings["sampling"] = {"name": place["sampling"], **params.sampling}
+    if params.alone:
+        settings["machine"] = timing.machine()
+    read = dataset.read if params.all_times else dataset.read_samples
+    inputs = {
+        name: read(files) if isinstance(files, str) else list(map(read, files))
+        for name, files in snakemake.input.items()
+    }
+    function = study.function(params.compute)
+    if "scene" in inspect.signature(function).parameters:
+        inputs["scene"] = Scene.from_settings(place["scene"], params.physics)
+    meaning = inspect.getdoc(function).partition("\n")[0].rstrip(".")
+    dataset.write(
+        snakemake.output[0],
+        function(**inputs, **params.arguments),
+        title=f"{', '.join(place.values())}: {meaning}",
+        settings=settings,
+        code=params.code,
+        job=given,
+        variables=study.variables(params.compute),
+    )
