@@ -4,7 +4,7 @@ BIN := .venv/bin
 LINT := .venv-lint/bin
 PEERS := .venv-peers/bin
 
-.PHONY: figures peers test lint format pins clean
+.PHONY: figures peers test lint format reference pins clean
 
 # Every figure, error and claim of the paper
 figures: .venv/ready
@@ -28,6 +28,10 @@ format: .venv-lint/ready
 	$(LINT)/ruff check --fix .
 	$(LINT)/ruff format .
 	$(LINT)/snakefmt Snakefile workflow
+
+# docs/reference.md, of what studies and the schema of the configuration declare
+reference: .venv/ready
+	$(BIN)/python docs/reference.py
 
 # The pinned packages of both environments, compiled from pyproject.toml by uv (pip install uv);
 # what is pinned stays: make pins UPGRADE=--upgrade takes the newest

@@ -123,7 +123,7 @@ def notation() -> dict[str, dict[str, tuple[str, str]]]:
 
 def test_notation_has_every_variable_with_its_dimensions_and_unit(notation):
     stored = ["Solutions", "Errors", "Snapshots", "Modes", "Reduced models", "Lifted models"]
-    stored += ["CPU times", "Benchmarks", "Stability"]
+    stored += ["CPU times", "Benchmarks"]
     written = {name: entry for group in stored for name, entry in notation[group].items()}
     assert written == {
         name: (f"({', '.join(meaning.dims)})", UNITS.get(meaning.units, meaning.units))
@@ -346,10 +346,17 @@ def test_timings_are_all_listed(paper):
     assert re.findall(r"[A-Z]\d\d", section) == timed
 
 
+def test_the_reference_is_in_step():
+    made = runpy.run_path(str(ROOT / "docs" / "reference.py"))["reference"]()
+    assert made == DOCUMENTS["docs/reference.md"], "make reference"
+
+
 def test_every_rule_is_named():
     sources = [ROOT / "Snakefile", *(ROOT / "workflow" / "rules").glob("*.smk")]
     for source in sources:
-        for rule in re.findall(r"^rule (\w+):", source.read_text(encoding="utf-8"), re.M):
+        for rule in re.findall(
+            r"^(?:use rule \w+ as|rule) (\w+)\b", source.read_text(encoding="utf-8"), re.M
+        ):
             assert rule == "all" or f"`{rule}`" in README, rule
 
 

@@ -10,13 +10,13 @@ import sphpod
 PACKAGE = Path(sphpod.__file__).parent
 WINGS = (
     {"numerics", "pipeline"},
-    {"scene"},
+    {"scene", "figures"},
     {"full"},
     {"reference"},
     {"reduced"},
     {"stability"},
     {"studies"},
-    {"config", "figures"},
+    {"config"},
     {"paper"},
 )
 """Wings from the ground up; those beside one another do not import each other."""

@@ -23,6 +23,7 @@ from sphpod.reference import exact
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
 from sphpod.scene.kernel import neighbour_count
+from sphpod.studies.study import studies
 
 try:
     from yaml import CSafeLoader as SafeLoader  # ten times as fast
@@ -97,9 +98,9 @@ def load(
     Returns
     -------
     The resolved settings, of plain JSON types: ``output`` ("" if there is none), ``scenes``,
-    ``illustrations``, ``claims``, ``benchmark`` and ``stability``. Every scene has ``section``,
-    ``error_interval``, ``references``, ``samplings`` (each with ``mode_counts`` as text),
-    ``acceleration`` and ``figures`` (each with ``name`` and ``caption``); damping, force and
+    ``illustrations``, ``claims``, ``benchmark``, ``stability``, ``studies``. Every scene has
+    ``section``, ``error_interval``, ``references``, ``samplings`` (each with ``mode_counts`` as
+    text), ``acceleration`` and ``figures`` (each with ``name`` and ``caption``); damping, force and
     interface stay away where a scene has none.
 
     Raises
@@ -110,7 +111,7 @@ def load(
     settings: dict[str, Any] = {}
     for source in [*map(read_yaml, paths), overrides or {}]:
         settings = _merged(settings, _plain(source))
-    _check_schema(settings, read_yaml(schema_path))
+    _check_schema(settings, with_studies(read_yaml(schema_path)))
     resolved = {
         "output": settings.get("output", ""),
         "scenes": {name: _resolved_scene(name, s) for name, s in settings["scenes"].items()},
@@ -120,11 +121,38 @@ def load(
         ],
         "claims": settings.get("claims", []),
         "benchmark": DEFAULT_BENCHMARK | settings.get("benchmark", {}),
+        "studies": {
+            word: {key: value["default"] for key, value in study.settings.items()}
+            | settings.get("studies", {}).get(word, {})
+            for word, study in studies().items()
+            if study.settings
+        },
     }
     resolved["stability"] = _resolved_stability(settings.get("stability", {}), resolved["scenes"])
     _name_figures(resolved)
     _check_benchmark(resolved)
     return resolved
+
+
+def with_studies(schema: dict[str, Any]) -> dict[str, Any]:
+    """The schema with the keys that studies declare, in ``studies``."""
+    declared = {
+        word: {
+            "description": f"keys of the study {word}",
+            "type": "object",
+            "additionalProperties": False,
+            "properties": dict(study.settings),
+        }
+        for word, study in studies().items()
+        if study.settings
+    }
+    keys = {
+        "description": "keys of studies, by name",
+        "type": "object",
+        "additionalProperties": False,
+        "properties": declared,
+    }
+    return schema | {"properties": schema["properties"] | {"studies": keys}}
 
 
 def parse_modes(text: str) -> list[int]:

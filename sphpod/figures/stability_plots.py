@@ -92,7 +92,7 @@ PREDICTED: Look = {"markersize": 6.5, "fillstyle": "none"}
 MEASURED: Look = {"markersize": 3}
 
 
-def _scene_looks(places: Iterable[Place]) -> dict[str, Look]:
+def scene_looks(places: Iterable[Place]) -> dict[str, Look]:
     """The look of each scene, in their order."""
     scenes = dict.fromkeys(scene for scene, *_ in places)
     return {
@@ -507,7 +507,7 @@ def operators(
         There is no sampling.
     """
     _given(samplings, "operators")
-    looks = _scene_looks([*samplings, *random])
+    looks = scene_looks([*samplings, *random])
     heights = (3.0, *([2.3] if random else []), *([2.1] if runs else []))
     figure = Figure(figsize=(PAGE_WIDTH, sum(heights)), layout="constrained")
     parts = iter(figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0])
@@ -684,7 +684,7 @@ def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     )
     _name_axis(neighbours, "neighbours per side (dashed)", VERMILLION)
     neighbours.yaxis.set_major_locator(MaxNLocator(integer=True))
-    looks = _scene_looks(scenes)
+    looks = scene_looks(scenes)
     broken = [_draw_smoothing_errors(axes, scenes, looks, field)
               for axes, field in zip(panels[1], FIELDS, strict=True)]  # fmt: skip
     for axes in panels.flat:
@@ -980,7 +980,7 @@ def time_steps(tables: Mapping[Place, Arrays]) -> Figure:
         There is no table, or a model or an integrator is of no known kind.
     """
     _given(tables, "limits")
-    looks = _scene_looks(tables)
+    looks = scene_looks(tables)
     labels = {
         (model, integrator): f"{_model(model)}, {_integrator(integrator)}"
         for table in tables.values()

@@ -40,7 +40,9 @@ def relative_error(solution: np.ndarray, reference: np.ndarray) -> float:
 
 
 def table(
-    sph: Mapping[str, np.ndarray], references: Sequence[Mapping[str, np.ndarray]], kinds: Sequence[str]
+    sph: Mapping[str, np.ndarray],
+    references: Sequence[Mapping[str, np.ndarray]],
+    kinds: Sequence[str],
 ) -> dict[str, np.ndarray]:
     """Errors of full SPH and of references, in velocity and density (section 3.1).
 

@@ -14,7 +14,7 @@ from sphpod.studies import stability_map
 def test_a_map_over_damping_shows_the_spectral_radius(kind, tmp_path):
     case = scene(particle_count=16, **KINDS[kind])
     arrays = stability_map.of_damping(case, 7)
-    assert fits_dataset(arrays, tmp_path / "map.nc")
+    assert fits_dataset(arrays, tmp_path / "map.nc", stability_map.STUDY.variables)
     for n, integrator in enumerate(arrays["map_integrator"]):
         for m, damping in enumerate(arrays["map_damping"]):
             whole = FullSpectrum(scene(particle_count=16, damping=float(damping))).whole
@@ -31,7 +31,7 @@ def test_a_map_over_modes_shows_the_spectral_radius(kind, tmp_path):
     case = scene(initial_velocity=THREE_WAVES, **KINDS[kind])
     modes, energy_modes = decomposed(case)
     arrays = stability_map.of_modes(case, [4, 9], modes, energy_modes, 8)
-    assert fits_dataset(arrays, tmp_path / "map.nc")
+    assert fits_dataset(arrays, tmp_path / "map.nc", stability_map.STUDY.variables)
     assert arrays["contender"].tolist() == ["original", "lifted_euler"]
     assert np.isnan(arrays["mode_limit"]).all() == (kind == "plain")
     for n, count in enumerate(arrays["mode_count"]):

@@ -46,8 +46,8 @@ def differences(arrays):
     return [row["relative_difference"] for row in time_steps.rows({}, arrays)]
 
 
-def fits_dataset(arrays, path):
-    dataset.write(path, arrays, title="test", settings={}, code="none")
+def fits_dataset(arrays, path, variables=time_steps.STUDY.variables):
+    dataset.write(path, arrays, title="test", settings={}, code="none", variables=variables)
     return set(dataset.read(path)) == set(arrays)
 
 

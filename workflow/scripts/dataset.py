@@ -1,4 +1,4 @@
-"""Call the function that a rule names with its scene, inputs and arguments; write what it returns."""
+"""Call the function that a rule names with scene, inputs and arguments; write what it returns."""
 
 import inspect
 
