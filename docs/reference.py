@@ -45,7 +45,13 @@ def of_study(word, study):
     if study.drawing:
         each = "_{scene}_{sampling}" if study.drawing.places else ""
         caption = study.drawing.caption.replace(": {scene}, snapshots {sampling}", "")
-        files.append((f"`../figures/stability_{word}{each}.pdf`", caption, "`figure`"))
+        files.append(
+            (
+                f"`../figures/stability_{word.removeprefix('stability_')}{each}.pdf`",
+                caption,
+                "`figure`",
+            )
+        )
     variables = [
         (f"`{name}`", f"({', '.join(meaning.dims)})", meaning.units, meaning.long_name)
         for name, meaning in study.variables.items()

@@ -43,7 +43,7 @@ RUNS = {
     "full.lifted.solve": "[lifted.solve(scene(**v), 'exact') for v in ({}, VARIED)]",
     "reference.reference.solve_paper": "reference.solve_paper(scene(**VARIED))",
     "reduced.lifted_rom.decompose": "lifted_rom.decompose(scene(**VARIED), snapshots)",
-    "stability.growth.measure": "growth.measure(scene(), [1.0, 2.0], 10.0)",
+    "studies.growth.measure": "growth.measure(scene(), [1.0, 2.0], 10.0)",
 }
 """Functions that rules name, and calls of them."""
 

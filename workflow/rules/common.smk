@@ -121,16 +121,17 @@ STABILITY_FIGURES = []
 for word, study in STUDIES.items():
     if study.drawing is None:
         continue
+    name = "stability", word.removeprefix("stability_")
     drawing = {"study": word, "draw": study.drawing.draw, "section": "stability"}
     if study.drawing.places is not None:
         for scene, sampling in study.drawing.places(CONFIG):
             place = {"scene": scene, "sampling": sampling}
             caption = study.drawing.caption.format(**place)
             figure = {**drawing, **place, "caption": caption}
-            STABILITY_FIGURES.append((("stability", word, scene, sampling), figure))
+            STABILITY_FIGURES.append(((*name, scene, sampling), figure))
     elif paths_of(study, next(iter(study.drawing.reads.values()))):
         figure = {**drawing, "caption": study.drawing.caption}
-        STABILITY_FIGURES.append((("stability", word), figure))
+        STABILITY_FIGURES.append((name, figure))
 STABILITY_FIGURES = by_name(STABILITY_FIGURES, FIGURES | BENCHMARK_FIGURES)
 ALL_FIGURES = FIGURES | BENCHMARK_FIGURES | STABILITY_FIGURES
 
