@@ -298,7 +298,7 @@ def test_arrays_do_as_well_as_datasets(scene, solved):
     xr.testing.assert_identical(*swept)
 
 
-def test_what_is_predicted_is_told(caplog):
+def test_what_is_predicted_is_reported(caplog):
     scene = sphpod.make_scene("wild", **(SETTINGS | {"time_step": 1e-2, "duration": 5}))
     with caplog.at_level(logging.WARNING):
         full = sphpod.solve_sph(scene)

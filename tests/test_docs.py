@@ -194,7 +194,7 @@ CONDITIONAL = ("sampling", "position")
 """Keys of a figure that only some kinds have, and need."""
 
 
-def test_refusals_are_worded_as_told(example):
+def test_refusals_are_worded_as_written(example):
     settings = config.read_yaml(example)
     (scene,) = settings["scenes"]
     for change, answer in rows(DOCUMENTS["docs/adding-a-scene.md"], "Change"):

@@ -757,7 +757,7 @@ def _check_runs(stability: Mapping[str, Any], known: Mapping[str, Any]) -> None:
             None,
             "stability.smoothing_ratios",
             stability["smoothing_ratios"],
-            "1.04 must be among them, by whose time step those of the others are told",
+            "1.04 must be among them, by whose time step those of the others are given",
         )
 
 

@@ -250,7 +250,7 @@ def _add_legend(
 
 
 def _growth_norm(growth: np.ndarray) -> AsinhNorm:
-    """Scale of colours about zero, which tells the sign of all but the smallest of the values."""
+    """Scale of colours about zero, which shows the sign of all but the smallest of the values."""
     sizes = np.abs(growth[np.isfinite(growth) & (growth != 0)])
     if not sizes.size:
         return AsinhNorm(0.1, -1, 1)
@@ -527,7 +527,7 @@ def operators(
 def _draw_growth_rates(
     panels: Sequence[Axes], samplings: Mapping[Place, Arrays], looks: Mapping[str, Look]
 ) -> bool:
-    """Draw growth rates over mode counts, and tell whether any stands on the top edge."""
+    """Draw growth rates over mode counts, and return whether any stands on the top edge."""
     band = ROUNDING * max(table["operator_size"].max() for table in samplings.values())
     every = np.concatenate(
         [table[f"{kind}_growth_rate"] for table in samplings.values() for kind in OPERATORS]
@@ -540,7 +540,7 @@ def _draw_growth_rates(
             look, rates = looks[scene], table[f"{kind}_growth_rate"]
             counts, known = table["mode_count"], np.isfinite(rates)
             shown = np.where(known, rates, np.nan)
-            # Lifted operators are as well-conditioned as the band tells.
+            # Lifted operators are as well-conditioned as the band shows.
             rounding = table.get(f"{kind}_rounding", np.zeros(len(rates)))
             clear = ~(np.abs(rates) <= rounding)
             axes.plot(counts, shown, color=look["color"], linewidth=0.3)
@@ -703,7 +703,7 @@ def _name_axis(axes: Axes, name: str, colour: str) -> None:
 def _draw_smoothing_errors(
     axes: Axes, scenes: Mapping[Place, Arrays], looks: Mapping[str, Look], field: str
 ) -> bool:
-    """Draw errors of a field, and tell whether any stands on the top edge."""
+    """Draw errors of a field, and return whether any stands on the top edge."""
     drawn = []
     broken = False
     for (name,), scene in scenes.items():
@@ -758,8 +758,8 @@ AMPLITUDE_RUNS: dict[str, tuple[str, Look]] = {
 def amplitude(amplitude: Arrays) -> Figure:
     """Draw errors of reduced models against the largest compression, 1 - J, that full SPH reaches.
 
-    The upper axis tells by what factor the initial velocity is scaled. Where full SPH breaks down,
-    no error can be told. An error that is infinite, or above 10³, stands on the top edge.
+    The upper axis shows by what factor the initial velocity is scaled. Where full SPH breaks down,
+    no error can be given. An error that is infinite, or above 10³, stands on the top edge.
 
     Parameters
     ----------
@@ -846,7 +846,7 @@ def poor_snapshots(snapshots: Arrays) -> Figure:
     """Draw errors and bounds against the noise of snapshots, and for other defects of them.
 
     Bounds are hollow, errors filled. Of a model that is refused, or breaks down, neither is finite:
-    why is told in words. A single value that is not finite, or above 10³, stands on the edge.
+    why is said in words. A single value that is not finite, or above 10³, stands on the edge.
 
     Parameters
     ----------
@@ -892,7 +892,7 @@ def _defects(snapshots: Arrays) -> np.ndarray:
 
 
 def _draw_noise(axes: Axes, snapshots: Arrays) -> bool:
-    """Draw errors and bounds against noise, and tell whether any stands on the top edge."""
+    """Draw errors and bounds against noise, and return whether any stands on the top edge."""
     drawn = []
     broken = False
     for name, (label, look) in NOISE_CURVES.items():
@@ -912,7 +912,7 @@ def _draw_noise(axes: Axes, snapshots: Arrays) -> bool:
 def _draw_defects(
     axes: Axes, snapshots: Arrays, outcomes: Sequence[str], lines: np.ndarray
 ) -> bool:
-    """Draw a row for each defect, and tell whether any value stands on the right edge.
+    """Draw a row for each defect, and return whether any value stands on the right edge.
 
     Rows are as high as the lines of their outcomes; the latter are empty where there are values.
     """
@@ -962,9 +962,9 @@ def time_steps(tables: Mapping[Place, Arrays]) -> Figure:
     """Draw how far measured stability is from the predicted, by model and integrator.
 
     Filled markers compare limits of the time step, hollow ones growth rates where no step is
-    stable; scenes lie below each other in a row. Where only one of prediction and measurement tells
-    of a limit, or of growth, the marker stands on the right edge; on the left edge, both are equal,
-    as where neither limits the time step.
+    stable; scenes lie below each other in a row. Where only one of prediction and measurement
+    speaks of a limit, or of growth, the marker stands on the right edge; on the left edge, both are
+    equal, as where neither limits the time step.
 
     Parameters
     ----------
@@ -1000,9 +1000,9 @@ def time_steps(tables: Mapping[Place, Arrays]) -> Figure:
         ])  # fmt: skip
         for quantity, (_, size) in QUANTITIES.items():
             predicted, measured = (table[f"{kind}_{quantity}"] for kind in PAIR)
-            told = ~(np.isnan(predicted) & np.isnan(measured))
-            difference = _difference(predicted, measured)[told]
-            heights = rows[told] + offsets[scene]
+            known = ~(np.isnan(predicted) & np.isnan(measured))
+            difference = _difference(predicted, measured)[known]
+            heights = rows[known] + offsets[scene]
             drawn.append((difference, heights, {**looks[scene], **size}))
     finite = np.concatenate([difference for difference, _, _ in drawn])
     scale_log(axes.xaxis, np.append(finite[np.isfinite(finite)], CLOSE))

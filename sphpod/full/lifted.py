@@ -161,7 +161,7 @@ def prepare(
         broken state. Between outputs fixed steps are looked at as often as `sph.fastest_change`
         asks for (leapfrog's strain in the middle of its steps), and what is exact or adaptive at
         times a `RESOLVED` part of the fastest wave's radian apart, unless energy excludes a fold.
-        With ``watch=False`` it looks for none, by which the cost of watching can be told.
+        With ``watch=False`` it looks for none, by which the cost of watching can be measured.
     """
     begin = start or (scene.velocity0(), np.zeros(scene.particle_count))
     if integrator in FIXED_STEP:
@@ -249,7 +249,7 @@ def _kicks(scene, integrator, dt, steps):
 
 
 def strain_bound(scene: Scene, integrator: str, time_step: float, begin: State) -> float:
-    """What no strain exceeds at any step of a run, by its energy; infinite if that tells nothing.
+    """What no strain exceeds at any step of a run, by its energy; infinite if that bounds nothing.
 
     In the norm |(u, p)| of the scaled fields a step of explicit Euler without a force is at most
     √(1 + z² + zδ) with z = Δt ω of the fastest wave and δ = Δt d ≤ 2 of the largest damping.
@@ -490,7 +490,7 @@ def _watched(velocity, strain):
 
 
 def _broken_from_start(begin):
-    """Where nothing follows from the start, which alone tells what particle is broken."""
+    """Where nothing follows from the start, which alone shows what particle is broken."""
 
     def run(velocity, strain, watch=True):
         velocity[:], strain[:] = np.nan, np.nan

@@ -85,7 +85,7 @@ def prepare(
         down, the flat index of its first broken particle in the row that was to be kept next, which
         then holds the broken state. States are looked at as often as `fastest_change` asks for, if
         need be after every step. With ``watch=False`` it looks at none, by which the cost of
-        watching can be told.
+        watching can be measured.
 
     Raises
     ------

@@ -195,13 +195,13 @@ def statement(claim: Mapping[str, Any]) -> str:
             return " and ".join(map(shown, value))
         return f"{value:g}" if isinstance(value, float) else str(value)
 
-    def told(one):
+    def worded(one):
         values = {"tolerance": 0, **claim, **one}
         text = CRITERIA[one["kind"]].text.format(**{k: shown(v) for k, v in values.items()})
         names = one.get("samplings") or [" ".join(pair) for pair in one.get("studies", {}).items()]
         return f"{text} ({', '.join(names)})" if names else text
 
-    return "; ".join(map(told, claim["criterion"]))
+    return "; ".join(map(worded, claim["criterion"]))
 
 
 def table(
@@ -220,7 +220,7 @@ def table(
     -------
     list of dict
         One row a claim, with the keys of `COLUMNS`; None where a row has no such value. The last
-        tells which mode counts that were looked at use modes near rounding (`pod.resolved`).
+        reports which mode counts that were looked at use modes near rounding (`pod.resolved`).
     """
     rows = []
     for claim in claims:
@@ -232,8 +232,8 @@ def table(
             thresholds = {key: value for key, value in one.items() if key not in other}
             findings.append(CRITERIA[one["kind"]].decide(places, claim, **thresholds))
             models = (data for place in places for data in place.values())
-            told = [near_rounding(data) for data in models if "modes_resolved" in data]
-            unresolved |= dict.fromkeys(text for text in told if text != "-")
+            near = [near_rounding(data) for data in models if "modes_resolved" in data]
+            unresolved |= dict.fromkeys(text for text in near if text != "-")
         holds = all(bool(finding.holds) for finding in findings)
         reproduced = _cell(findings[0].measured)
         if claim["paper"] == "yes":

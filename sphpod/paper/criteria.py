@@ -51,7 +51,7 @@ class Finding(NamedTuple):
 
 
 class Criterion(NamedTuple):
-    """How a kind of criterion is told, what it looks at, what the paper says on it, who decides."""
+    """How a kind of criterion is reported, what it looks at, what the paper says, who decides."""
 
     text: str
     files: tuple[str, ...]
@@ -157,7 +157,7 @@ def counted(value: int | None, claim: Mapping[str, Any]) -> Finding:
     paper="a number",
 )
 def works_from(places, claim):
-    """All places must agree with the paper; what is found at each is told if it differs."""
+    """All places must agree with the paper; what is found at each is reported if it differs."""
     counts = [comparison.works_from(place["sweep"], place["errors"]) for place in places]
     findings = [counted(count, claim) for count in counts]
     worst = max(findings, key=lambda finding: (not finding.holds, abs(finding.difference)))
@@ -348,7 +348,7 @@ def error_ratios(place: Place, method: str, mode_counts: Sequence[int]) -> dict[
     }
 
 
-def told(ratio: Mapping[str, Sequence[float]], mode_counts: Sequence[int]) -> str:
+def worded(ratio: Mapping[str, Sequence[float]], mode_counts: Sequence[int]) -> str:
     parts = (
         f"{v:.3g} (v) and {rho:.3g} (ρ) at k = {k}"
         for v, rho, k in zip(*(ratio[field] for field in FIELDS), mode_counts, strict=True)
@@ -365,7 +365,7 @@ def error_below(places, claim, *, method, mode_counts, factor):
     """Whether a reduced model is good enough."""
     (place,) = places
     ratio = error_ratios(place, method, mode_counts)
-    return Finding(max(map(max, ratio.values())) < factor, f"{method} {told(ratio, mode_counts)}")
+    return Finding(max(map(max, ratio.values())) < factor, f"{method} {worded(ratio, mode_counts)}")
 
 
 @criterion(
@@ -377,7 +377,7 @@ def error_above(places, claim, *, method, mode_counts, factor):
     """Whether a reduced model is not good enough."""
     (place,) = places
     ratio = error_ratios(place, method, mode_counts)
-    return Finding(min(map(min, ratio.values())) > factor, f"{method} {told(ratio, mode_counts)}")
+    return Finding(min(map(min, ratio.values())) > factor, f"{method} {worded(ratio, mode_counts)}")
 
 
 @criterion(

@@ -292,7 +292,7 @@ def write(
                 changed = np.asarray(values)[np.asarray(values).astype(dtype) != values]
             if changed.size:
                 raise ValueError(f"{name} = {changed[0]} does not fit the type {dtype.__name__}")
-    told = {
+    texts = {
         "Conventions": "CF-1.11",
         "title": title,
         "source": f"sphpod {__version__}, code {code}; {_environment()}",
@@ -302,7 +302,7 @@ def write(
     }
     with whole(path) as partial:
         with netCDF4.Dataset(partial, "w", format="NETCDF4") as file:
-            file.setncatts(told)
+            file.setncatts(texts)
             for dim, size in sizes.items():
                 file.createDimension(dim, size)
             for name, values in arrays.items():
@@ -410,10 +410,10 @@ def _seal(path: Path, job: Mapping[str, Any] | None) -> None:
 
     This is text that stands behind the data, where no reader of NetCDF looks.
     """
-    told = f"\n{json.dumps(job, sort_keys=True)}\n".encode()
+    end = f"\n{json.dumps(job, sort_keys=True)}\n".encode()
     with open(path, "r+b") as file:
         file.seek(0, os.SEEK_END)
-        file.write(told + f"{len(told):0{LENGTH_DIGITS}d}".encode())
+        file.write(end + f"{len(end):0{LENGTH_DIGITS}d}".encode())
         size = file.tell()
         file.seek(0)
         file.write(_checksum(file, size))
@@ -441,8 +441,8 @@ def _checksum(file: BinaryIO, size: int) -> bytes:
 def _environment() -> str:
     """Versions of what is used to compute and to write."""
     libraries = "numpy", "scipy", "numba", "llvmlite", "netCDF4"
-    told = (f"{library} {metadata.version(library)}" for library in libraries)
-    return ", ".join((f"Python {sys.version.split()[0]}", *told))
+    versions = (f"{library} {metadata.version(library)}" for library in libraries)
+    return ", ".join((f"Python {sys.version.split()[0]}", *versions))
 
 
 def place(path: str | os.PathLike[str]) -> tuple[str, ...]:

@@ -2,9 +2,9 @@
 
 Snakemake makes a result anew once its parameters or the set of its inputs have changed, but what
 they were it keeps in a folder of its own, ``.snakemake``. A dataset holds the same at its end, and
-the log of any job in a line; so results that have lost that folder are judged alike. Paths are told
-relative to the folder that result and log have in common, so that results are the same wherever
-they are made.
+the log of any job in a line; so results that have lost that folder are judged alike. Paths are
+given relative to the folder that result and log have in common, so that results are the same
+wherever they are made.
 """
 
 import atexit
@@ -54,7 +54,7 @@ def start(snakemake: Any) -> dict[str, Any]:
     inputs = sorted(set(snakemake.input))
     for path in inputs:
         given(path)
-    told = {
+    record = {
         "rule": snakemake.rule,
         "input": relative(snakemake.input),
         "output": relative(snakemake.output),
@@ -66,43 +66,43 @@ def start(snakemake: Any) -> dict[str, Any]:
             if os.path.getsize(path) <= CHECKSUM_LIMIT
         },
     }
-    atexit.register(_record_success, told)
-    return told
+    atexit.register(_record_success, record)
+    return record
 
 
-def _record(told: dict[str, Any]) -> None:
-    logging.getLogger(__name__).info(json.dumps(told))
+def _record(record: dict[str, Any]) -> None:
+    logging.getLogger(__name__).info(json.dumps(record))
 
 
-def _record_success(told: dict[str, Any]) -> None:
+def _record_success(record: dict[str, Any]) -> None:
     # Python keeps here the exception that nobody caught.
     if not hasattr(sys, "last_value"):
-        _record(told)
+        _record(record)
 
 
 def given(path: str | os.PathLike[str]) -> dict[str, Any] | None:
-    """What the job that wrote a dataset was given; None where the file does not tell.
+    """What the job that wrote a dataset was given; None where the file does not hold it.
 
     Raises
     ------
     ValueError
         For a file that is no dataset, or one that was written to another place.
     """
-    told = dataset.job(path)
-    if told and not _is_one_of(path, told["output"]):
+    record = dataset.job(path)
+    if record and not _is_one_of(path, record["output"]):
         raise ValueError(dataset.foreign(path))
-    return told
+    return record
 
 
 def given_in_log(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     """The same of the last job that wrote a log and succeeded.
 
-    None where the log does not tell, or is another job's.
+    None where the log does not hold it, or is another job's.
     """
     with open(path, encoding="utf-8", errors="replace") as file:
         lines = [line.removeprefix(_LINE) for line in file if line.startswith(_LINE)]
-    told = json.loads(lines[-1]) if lines else None
-    return told if told and _is_one_of(path, told["log"]) else None
+    record = json.loads(lines[-1]) if lines else None
+    return record if record and _is_one_of(path, record["log"]) else None
 
 
 def _is_one_of(path: str | os.PathLike[str], relative: Iterable[str]) -> bool:

@@ -10,8 +10,8 @@ from types import TracebackType
 def start(path: str | os.PathLike[str]) -> None:
     """Log to a file from now on, an exception that nobody catches too.
 
-    Such an exception is then told on the terminal in one sentence, without its traceback; and so
-    is what this package warns of.
+    Such an exception is then reported on the terminal in one sentence, without its traceback; and
+    so is what this package warns of.
     """
     Path(path).parent.mkdir(parents=True, exist_ok=True)
     logging.basicConfig(
@@ -23,9 +23,9 @@ def start(path: str | os.PathLike[str]) -> None:
     logging.captureWarnings(True)
     # Of each font in each figure it has a hundred lines to say.
     logging.getLogger("fontTools").setLevel(logging.WARNING)
-    told = logging.StreamHandler(sys.stderr)
-    told.setLevel(logging.WARNING)
-    logging.getLogger("sphpod").addHandler(told)
+    terminal = logging.StreamHandler(sys.stderr)
+    terminal.setLevel(logging.WARNING)
+    logging.getLogger("sphpod").addHandler(terminal)
     sys.excepthook = _report
 
 

@@ -1,4 +1,4 @@
-"""Bounds of how far a lifted reduced model is from its full model, told without the full model.
+"""Bounds of how far a lifted reduced model is from its full model, computed without the full model.
 
 Both are exact in time, of the same piecewise polynomial force p. With S the own modes of the
 reduced operator as scaled fields, the reduced solution is S z(t), z' = M z + h p. For any change X

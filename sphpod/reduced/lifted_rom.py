@@ -143,7 +143,7 @@ def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np
 def build(scene: Scene, modes: Mapping[str, np.ndarray], count: int | None = None) -> "LiftedModel":
     """Model with so many velocity modes, and a strain mode for each wave.
 
-    Where the snapshots hold fewer, the model has all there are, and the log tells of it.
+    Where the snapshots hold fewer, the model has all there are, and the log reports it.
 
     Parameters
     ----------

@@ -435,7 +435,7 @@ def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np
 
 
 def model(scene: Scene, method: str, modes: Mapping[str, np.ndarray], count: int) -> ReducedModel:
-    """Model with so many modes for velocity and density each, or all, as the log tells."""
+    """Model with so many modes for velocity and density each, or all, as the log reports."""
     velocity_modes, density_modes = (modes[f"{field}_modes"] for field in FIELDS)
     if min(len(velocity_modes), len(density_modes)) < count:
         logger.warning(

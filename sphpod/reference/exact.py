@@ -84,7 +84,7 @@ def kind(scene: Scene) -> str | None:
         return "fourier" if uniform and scene.is_even else None
     if not simple or _jumps(density, modulus) is None:
         return None
-    # Signals that differ by rounding would be told for strains where waves are so slow.
+    # Signals that differ by rounding would be taken for strains where waves are so slow.
     slowest = np.min(np.sqrt(modulus) / np.sqrt(density))
     rounding = np.finfo(float).eps * np.abs(scene.initial_velocity(x=x)).max()
     return "two_layer" if rounding <= LARGEST_ROUNDING * slowest else None

@@ -84,7 +84,7 @@ def solve_centred(scene: Scene, estimate_error: bool = True) -> dict[str, np.nda
         As ``solve_paper``; and if asked for velocity_error_estimate, density_error_estimate
         (relative L2 norms, `SAFETY` included), velocity_observed_order, density_observed_order, and
         asymptotic: 1, or 0 if the three grids are not in the asymptotic range, the estimates then
-        being NaN, as the log tells; scalars.
+        being NaN, as the log reports; scalars.
 
     Raises
     ------

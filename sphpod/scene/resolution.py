@@ -1,4 +1,4 @@
-"""What of a scene the particles cannot resolve, told before a run.
+"""What of a scene the particles cannot resolve, reported before a run.
 
 Waves of two spacings or less look to the particles like longer ones: harmonic l of N particles
 like harmonic N - l, and harmonic N/2 like nothing or like a sawtooth that no stencil sees. How much
@@ -6,9 +6,9 @@ of the energy of the initial velocity and of the force is in such waves shows a 
 a grid far finer than the particles.
 
 A kink costs little: beyond harmonic l it has a part of about 1/l³ of the energy. A jump has 1/l, no
-number of particles resolves it, and errors fall as N^(-1/3) only; so jumps are told for themselves.
-Layers of material are meant to jump, and particles see each of them; material is told of only where
-most of its variation escapes them.
+number of particles resolves it, and errors fall as N^(-1/3) only; so jumps are reported for
+themselves. Layers of material are meant to jump, and particles see each of them; material is
+reported only where most of its variation escapes them.
 """
 
 import logging
@@ -27,17 +27,17 @@ PER_SPACING = 4
 """Least number of points of the fine grid in a spacing."""
 
 REPORTED_ENERGY = 1e-4
-"""Unresolved part of an energy that is told: a hundredth in the waves' amplitude.
+"""Unresolved part of an energy that is reported: a hundredth in the waves' amplitude.
 
-Explicit Euler's growth is told from a hundredth on as well. Profiles that have kinks are far below
-it with fifty particles (1e-6), those that particles alias far above.
+Explicit Euler's growth is reported from a hundredth on as well. Profiles that have kinks are far
+below it with fifty particles (1e-6), those that particles alias far above.
 """
 
 REPORTED_JUMP = 1e-2
-"""Jump of the initial velocity that is told, of the largest velocity."""
+"""Jump of the initial velocity that is reported, of the largest velocity."""
 
 REPORTED_MATERIAL = 0.5
-"""Unresolved part of the energy of material's variation that is told."""
+"""Unresolved part of the energy of material's variation that is reported."""
 
 MOST_PARTICLES = 100_000
 """Number of particles above which none is recommended."""
@@ -135,7 +135,7 @@ def unresolved(
 
 
 def predict(scene: Scene) -> dict[str, float]:
-    """What the particles do not resolve, to be stored beside a solution, and told in the log.
+    """What the particles do not resolve, to be stored beside a solution, and reported in the log.
 
     Returns
     -------
@@ -175,7 +175,7 @@ def predict(scene: Scene) -> dict[str, float]:
 
 
 def _told(scene, key, expression, smoothed=0, allowed=REPORTED_ENERGY):
-    """Unresolved part of a profile, told in the log if it is more than what is allowed."""
+    """Unresolved part of a profile, reported in the log if it is more than what is allowed."""
 
     def missed_by(count):
         return unresolved(lambda x: expression(x=x), scene.domain_length, count, smoothed, allowed)
@@ -183,7 +183,7 @@ def _told(scene, key, expression, smoothed=0, allowed=REPORTED_ENERGY):
     part, enough = missed_by(scene.particle_count)
     if part <= allowed:
         return part
-    # The fine grid may itself have taken short waves for others, which two more of them tell.
+    # The fine grid may itself have taken short waves for others, which two more of them show.
     checked = 0
     while checked < enough < MOST_PARTICLES:
         checked = enough

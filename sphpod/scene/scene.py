@@ -254,7 +254,7 @@ class Scene:
     def courses(self) -> tuple[Course, ...]:
         """Course of each term of the force over the times of the error integral.
 
-        The log tells where it could not be proved.
+        The log reports where it could not be proved.
         """
         if self.force_time is None:
             return ()

@@ -12,7 +12,7 @@ by O(Δt e²) a second, so that full SPH and ``lifted_euler`` part by O(Δt e) o
 let the energy of a wave of angular frequency ω grow by exp(ω² Δt t), the faster the wave the more,
 which makes an undamped scene fold at a smaller amplitude; and in ρ, which tends to infinity there,
 explicit Euler lags behind the fold, which makes it fold at a larger one. The folding amplitude of
-the model that is exact in time tells how much both come to.
+the model that is exact in time shows how much both come to.
 
 ``lifted_exact`` is therefore held against the lifted full model exact in time, and all others
 against full SPH. Both of that pair are linear: the relative error of the velocity changes with the

@@ -1,10 +1,10 @@
 """Run time against error: full and reduced models by every method, in one run of one process.
 
 Every contender computes the same: the state at all times of the error integral, a full model as
-fields, a reduced model in its own coordinates; what fields cost on top is told apart. They are
-prepared first; what they share, such as modes, is not timed with any of them but told as offline
-time. The force at every step is prepared too, where a model steps; a lifted reduced model evaluates
-it as it runs where it is smooth. Errors are those of the very runs that are timed.
+fields, a reduced model in its own coordinates; what fields cost on top is given apart. They are
+prepared first; what they share, such as modes, is not timed with any of them but reported as
+offline time. The force at every step is prepared too, where a model steps; a lifted reduced model
+evaluates it as it runs where it is smooth. Errors are those of the very runs that are timed.
 """
 
 import time

@@ -54,8 +54,8 @@ def near_rounding(sweep: Arrays) -> str:
     """
     counts = sweep["mode_count"][~sweep["modes_resolved"].astype(bool)]
     runs = np.split(counts, np.flatnonzero(np.diff(counts) > 1) + 1)
-    told = [f"{run[0]}-{run[-1]}" if run.size > 1 else f"{run[0]}" for run in runs if run.size]
-    return ", ".join(told) or "-"
+    texts = [f"{run[0]}-{run[-1]}" if run.size > 1 else f"{run[0]}" for run in runs if run.size]
+    return ", ".join(texts) or "-"
 
 
 def _first(sweep, chosen):
@@ -99,7 +99,7 @@ def certificates(
 ) -> Iterator[dict[str, Any]]:
     """Which k of a sweep meets each tolerance, and whether its bound certifies it, in a word.
 
-    Parameters are those of `effectivities`; the last row tells the smallest tolerance that any k of
+    Parameters are those of `effectivities`; the last row gives the smallest tolerance that any k of
     the sweep certifies.
     """
     counts, bounds = sweep["mode_count"], sweep["energy_error_bound"]

@@ -8,7 +8,7 @@ force then adds at most
 
 Momentum. Σ_i V_i G_ij = -V_j (G 1)_j is zero for evenly spaced particles, so that nothing but
 damping and force changes their momentum. For jittered ones translation strains, the more the more
-particles there are, as G 1 is of the size of jitter over spacing: how much is told.
+particles there are, as G 1 is of the size of jitter over spacing: how much is reported.
 
 Reduced models. They have the same energy on any modes: their operators have no eigenvalue with a
 positive real part, and their errors stay within the bounds of `sphpod.reduced.certificate`.
@@ -73,7 +73,7 @@ def study(scene: Scene) -> dict[str, np.ndarray]:
     -------
     dict
         check, check_model, check_value, check_limit, each (checks,). A check holds where its value
-        is at most its limit; with an infinite limit the value is only told.
+        is at most its limit; with an infinite limit the value is only reported.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def study(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
-    """The checks of a scene, a row each, with a verdict: holds, fails or, without limit, told.
+    """The checks of a scene, a row each, with a verdict: holds, fails or, without limit, reported.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
             "check": str(what),
             "value": float(value),
             "limit": float(limit),
-            "verdict": verdict if np.isfinite(limit) else "told",
+            "verdict": verdict if np.isfinite(limit) else "reported",
         }
 
 

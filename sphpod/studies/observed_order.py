@@ -39,7 +39,7 @@ FEWEST = 20
 """Particles of the coarsest grid, at least."""
 
 ROUNDING = 1e-12
-"""Relative error that may be rounding, of which no order is told."""
+"""Relative error that may be rounding, of which no order is given."""
 
 ANGLES = {"symplectic_euler": 1.0, "leapfrog": 1.0, "rk45": 0.5, "dop853": 4.0}
 """Angle by which the fastest wave turns in the longest step of each integrator [rad]."""

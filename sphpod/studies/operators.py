@@ -73,7 +73,7 @@ def conditioned_rate(operator: np.ndarray) -> Spectrum:
 
     An eigenvalue moves by at most |E|/|yᴴ x| where the operator is off by E, with left and right
     eigenvectors y and x of unit length. A double eigenvalue that has one eigenvector moves by the
-    root of |E|, as these numbers also tell: then yᴴ x is of the order of that root.
+    root of |E|, as these numbers also show: then yᴴ x is of the order of that root.
 
     Returns
     -------

@@ -1,7 +1,7 @@
 """Where runs grow and where they do not, over damping, mode count and time step.
 
 All waves are seeded at random, so that a map shows what a run does that knows nothing of spectra;
-the boundary that `sphpod.stability.spectrum` predicts is told beside it.
+the boundary that `sphpod.stability.spectrum` predicts is drawn beside it.
 """
 
 from collections.abc import Iterable, Mapping
@@ -91,7 +91,7 @@ def of_modes(
 ) -> Arrays:
     """Growth of reduced models over mode count and time step, beside the predicted limit.
 
-    Without damping there is no limit (NaN): every step grows, by what the map tells.
+    Without damping there is no limit (NaN): every step grows, by what the map shows.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """The time steps from which runs really grow, beside those that `stability.spectrum` predicts.
 
 The most restrictive mode is seeded: the eigenvector of its eigenvalue, in both phases. Any sum of
-squares over both changes by |μ|² a step, without oscillation, so that few steps tell the growth
+squares over both changes by |μ|² a step, without oscillation, so that few steps show the growth
 rate ln(E_n/E_0)/(2 n Δt) to rounding. The runs are those of the models themselves; the seed is
 small, so that those with nonlinear terms do not feel them.
 """

@@ -22,7 +22,7 @@ from sphpod.reduced.rom import ReducedModel, acceleration_contenders, freeze_ste
 from sphpod.scene.scene import Scene, derivative_matrix
 
 BASELINES = ("sph_neighbour_lists", "sph_stencil")
-"""Full SPH that savings are told against: as an SPH code does it, and for even spacing alone."""
+"""Full SPH that savings are relative to: as an SPH code does it, and for even spacing alone."""
 
 Run = Callable[[np.ndarray, np.ndarray], object]
 
@@ -148,7 +148,7 @@ def benchmark_columns(measured: Mapping[str, np.ndarray]) -> dict[str, Any]:
 
 
 def _baselines(measured, median):
-    """Rows of the models that speed-ups are told against."""
+    """Rows of the models that speed-ups are relative to."""
     methods, integrators = measured["contender"], measured["integrator"]
     own = {name: int(np.flatnonzero(methods == name)[0]) for name in BASELINES}
     first = own["sph_stencil"]

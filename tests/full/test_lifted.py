@@ -167,7 +167,7 @@ def test_the_fourier_solution_is_that_of_the_exponential(changes):
     assert relative_error(fourier["strain"], strain) < 1e-12
 
 
-def test_uniform_scenes_are_told_from_others():
+def test_uniform_scenes_are_reported_from_others():
     assert lifted.is_uniform(scene(damping=3, force=PUSHED))
     for key in ("initial_density", "youngs_modulus", "damping"):
         assert not lifted.is_uniform(scene(**{key: VARIED[key]}))
@@ -298,7 +298,7 @@ def test_unknown_integrators_are_refused():
 
 
 @pytest.mark.parametrize("integrator", ["symplectic_euler", "leapfrog"])
-def test_a_step_beyond_the_limit_is_told_of(integrator, caplog):
+def test_a_step_beyond_the_limit_is_reported_of(integrator, caplog):
     """Even where the run is too short to show it."""
     case = scene("waves", duration=0.5, error_interval=0.1)
     limit = 2 / waves.fastest_wave(case)

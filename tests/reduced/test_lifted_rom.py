@@ -367,7 +367,7 @@ def test_nothing_is_reconstructed_where_the_test_passes(monkeypatch):
     assert counts == [0]
 
 
-def test_more_modes_than_there_are_is_told_of(caplog):
+def test_more_modes_than_there_are_is_reported_of(caplog):
     case = scene(initial_velocity="1e-3*x*(L - x)*sin(6*pi*x)")
     modes = lifted_rom.decompose(case, snapshots(case, every=10, last=50))
     lifted_rom.build(case, modes, 4)

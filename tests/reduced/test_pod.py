@@ -35,7 +35,7 @@ def test_modes_are_orthonormal_signed_and_optimal(n, count, seed):
         assert np.sum(rest**2) >= np.sum(values[k:] ** 2) * (1 - 1e-9) - 1e-20
 
 
-def test_the_sign_does_not_hang_on_rounding():
+def test_the_sign_does_not_depend_on_rounding():
     x = np.arange(40) / 40
     wave = np.sin(2 * np.pi * x)[None, :]
     for noise in (0, 1e-15, -1e-15):

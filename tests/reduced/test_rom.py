@@ -141,7 +141,7 @@ def test_models_run_together_as_they_run_alone(changes, method):
         np.testing.assert_allclose(density, alone[1], rtol=1e-9, atol=1e-12)
 
 
-def test_a_model_that_breaks_down_is_told_of_and_does_not_stop_a_sweep():
+def test_a_model_that_breaks_down_is_reported_of_and_does_not_stop_a_sweep():
     case = scene("crash", duration=4)
     modes = snapshot_modes(case)
     # Density modes that cannot hold the strain, on a scene many times as strong.
@@ -261,7 +261,7 @@ def test_nothing_is_reconstructed_where_the_test_passes(method, monkeypatch):
     assert counts == [0]
 
 
-def test_more_modes_than_there_are_is_told_of(caplog):
+def test_more_modes_than_there_are_is_reported_of(caplog):
     case = scene()
     modes = {field: rows[:6] for field, rows in snapshot_modes(case).items()}
     modes["density_modes"] = modes["density_modes"][:5]

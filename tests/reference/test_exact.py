@@ -596,7 +596,7 @@ def test_waves_that_hardly_travel_fold_when_the_slope_says_so():
     assert first_fold(jumping).time == 0
 
 
-def test_layers_whose_waves_hardly_travel_are_not_told_to_be_exact():
+def test_layers_whose_waves_hardly_travel_are_not_called_exact():
     layers = "where(x < L/2, {}, {})".format
     assert exact.kind(small_scene(youngs_modulus=layers(1e-12, 2e-12))) == "two_layer"
     assert exact.kind(small_scene(youngs_modulus=layers(1e-300, 2e-300))) is None

@@ -106,7 +106,7 @@ def test_an_uneven_force_that_breaks_between_steps_is_estimated(time):
         assert 1 <= found[f"{field}_error_estimate"] / error <= 3
 
 
-def test_particles_too_few_for_an_estimate_are_told_of(caplog):
+def test_particles_too_few_for_an_estimate_are_reported_of(caplog):
     case = scene("coarse", particle_count=16, initial_velocity="1e-3*sin(16*pi*x/L)")
     result = reference.solve_centred(case)
     (record,) = caplog.records

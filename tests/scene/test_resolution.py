@@ -18,7 +18,7 @@ from sphpod.scene.scene import Scene
 CONFIG = Path(__file__).parents[2] / "config"
 
 
-def told(case, caplog):
+def reported(case, caplog):
     caplog.clear()
     found = resolution.predict(case)
     return found, [record.getMessage() for record in caplog.records]
@@ -50,9 +50,9 @@ def test_the_part_of_aliased_harmonics_is_theirs(count, harmonic, size):
         ("sin(2*pi*400000*x/L)", None),
     ],
 )
-def test_waves_that_cannot_pass_are_told_with_what_resolves_them(profile, particles, caplog):
+def test_waves_that_cannot_pass_are_reported_with_what_resolves_them(profile, particles, caplog):
     case = scene("fine", initial_velocity=f"1e-3*({profile})")
-    found, (sentence,) = told(case, caplog)
+    found, (sentence,) = reported(case, caplog)
     assert found["unresolved_energy"] > 9e-3
     assert found["velocity_jump"] == 0
     assert sentence.startswith("scene fine: initial_velocity = 1e-3*(")
@@ -70,9 +70,9 @@ def test_waves_that_cannot_pass_are_told_with_what_resolves_them(profile, partic
         ("sin(2*pi*x/L) + where(x/L < 0.25, 0.03, 0)", "0", 0.03),
     ],
 )
-def test_jumps_are_told_with_their_place(profile, place, jump, caplog):
+def test_jumps_are_reported_with_their_place(profile, place, jump, caplog):
     case = scene("jumping", domain_length=2, initial_velocity=profile)
-    found, (sentence,) = told(case, caplog)
+    found, (sentence,) = reported(case, caplog)
     largest = found["velocity_jump"]
     assert abs(largest) == pytest.approx(abs(jump) / (2 if profile == "x/L" else 1), rel=1e-6)
     assert f"it jumps by {largest:.3g} m/s at x = {place} m" in sentence
@@ -99,31 +99,31 @@ def scenes_of(name):
 
 
 @pytest.mark.parametrize("name", ["config.yaml", "small.yaml"])
-def test_nothing_is_told_of_scenes_that_are_resolved(name, caplog):
+def test_nothing_is_reported_of_scenes_that_are_resolved(name, caplog):
     for case in scenes_of(name):
-        found, sentences = told(case, caplog)
+        found, sentences = reported(case, caplog)
         assert sentences == [], case.name
         assert found["unresolved_energy"] < resolution.REPORTED_ENERGY
 
 
 @pytest.mark.parametrize("velocity", [0, 3, "1e-320", "1e308*sin(2*pi*x/L)", "2 + 1e-17*x"])
 def test_what_does_not_vary_or_is_huge_is_resolved(velocity, caplog):
-    found, sentences = told(scene(initial_velocity=velocity), caplog)
+    found, sentences = reported(scene(initial_velocity=velocity), caplog)
     assert found == {"unresolved_energy": 0.0, "velocity_jump": 0.0}
     assert sentences == []
 
 
-def test_forces_and_material_that_escape_the_particles_are_told(caplog):
+def test_forces_and_material_that_escape_the_particles_are_reported(caplog):
     layered = {"youngs_modulus": "where(x/L < 0.3, 0.1, 0.2)", "damping": "where(x/L < 0.5, 3, 0)"}
     force = {"time": "sin(t)", "profile": "where(x/L < 0.3, 1, 0)"}
-    assert told(scene(**layered, force=force), caplog)[1] == []
-    assert told(scene(**VARIED), caplog)[1] == []
+    assert reported(scene(**layered, force=force), caplog)[1] == []
+    assert reported(scene(**VARIED), caplog)[1] == []
     fine = "1 + 0.5*sin(2*pi*{}*x/L)".format
     case = scene(
         initial_density=fine(40), youngs_modulus=fine(41), damping=fine(42),
         force={"time": "sin(t)", "profile": fine(43)},
     )  # fmt: skip
-    sentences = told(case, caplog)[1]
+    sentences = reported(case, caplog)[1]
     keys = "force.profile", "initial_density", "youngs_modulus", "damping"
     for key, harmonic, sentence in zip(keys, (43, 40, 41, 42), sentences, strict=True):
         assert sentence.startswith(f"scene test: {key} = ")
@@ -131,10 +131,10 @@ def test_forces_and_material_that_escape_the_particles_are_told(caplog):
 
 
 @pytest.mark.parametrize("harmonic", [19, 20, 43])
-def test_what_is_told_is_what_costs_the_solution(harmonic, caplog):
-    """Told or not: with the particles that are told, full SPH has the harmonic in its start."""
+def test_what_is_reported_is_what_costs_the_solution(harmonic, caplog):
+    """With the particles that are reported, or with its own, full SPH starts with the harmonic."""
     case = scene(initial_velocity=f"1e-3*sin(2*pi*{harmonic}*x/L)", time_step=1e-4)
-    sentences = told(case, caplog)[1]
+    sentences = reported(case, caplog)[1]
     assert bool(sentences) is (harmonic >= 20)
     if harmonic == 43:
         run, low = (sph.solve(c, c.error_steps) for c in (

@@ -282,7 +282,7 @@ def test_hopeless_scenes_are_refused_in_one_sentence(changes, message):
     assert "\n" not in str(refusal.value)
 
 
-def test_a_refused_step_is_told_the_factor_and_the_largest_that_would_do():
+def test_a_refused_step_is_reported_the_factor_and_the_largest_that_would_do():
     bad = scene("bad", time_step=0.05, error_interval=0.05, youngs_modulus=10)
     with pytest.raises(ValueError, match="waves grow by") as refusal:
         checks.check(bad)
@@ -399,7 +399,7 @@ def test_jittered_particles_fill_the_domain():
     assert scene(positions={"jitter": 0}).positions.tolist() == scene().positions.tolist()
 
 
-def test_what_jitter_loses_is_told(caplog):
+def test_what_jitter_loses_is_reported(caplog):
     shares = []
     for count in (40, 80):
         case = scene(

@@ -126,7 +126,7 @@ def test_the_lifted_full_model_folds_at_its_own_amplitude(name):
 
 @settings(deadline=None, max_examples=20)
 @given(st.floats(1, 60), st.integers(1, 8))
-def test_with_its_own_snapshots_the_lifted_error_does_not_hang_on_the_amplitude(factor, count):
+def test_with_its_own_snapshots_the_lifted_error_does_not_depend_on_the_amplitude(factor, count):
     case = scene(initial_velocity="2e-3*x*(L - x)*sin(6*pi*x)", duration=2)
 
     def error(times):

@@ -103,9 +103,9 @@ def test_errors_of_full_models_are_their_own(case):
         for field in error.FIELDS:
             for name, against in (("", case.full), ("_exact", case.reference)):
                 value = error.relative_error(found[field], against[field])
-                told = table[f"error_{field}{name}"][rows[0]]
-                assert told == pytest.approx(value, rel=1e-6, abs=1e-12)
-    # Nothing is told against full SPH of other particles.
+                found = table[f"error_{field}{name}"][rows[0]]
+                assert found == pytest.approx(value, rel=1e-6, abs=1e-12)
+    # Nothing is compared with full SPH of other particles.
     others = table["particle_count"] != own.particle_count
     assert np.isnan(table["error_velocity"][others]).all()
     assert np.isfinite(table["error_velocity"][~others]).all()
@@ -130,8 +130,8 @@ def test_errors_of_reduced_models_are_those_of_the_sweeps(case):
         for field in error.FIELDS:
             for name, against in (("", "sph"), ("_exact", "reference")):
                 if (expected := sweep.get(f"{field}_error_{against}")) is not None:
-                    told = case.table[f"error_{field}{name}"][rows]
-                    np.testing.assert_allclose(told, expected, rtol=1e-6, atol=1e-12)
+                    found = case.table[f"error_{field}{name}"][rows]
+                    np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-12)
 
 
 def test_times_and_speedups_are_what_they_say(case):
@@ -305,7 +305,7 @@ def test_both_sides_of_a_pair_compute_the_same(monkeypatch):
     }  # fmt: skip
 
 
-def test_pairs_are_timed_and_told_in_a_table():
+def test_pairs_are_timed_and_in_a_table():
     measured = skipping.measure(scene(duration=0.1), repeats=2)
     things = len(measured["skipped"])
     assert len(measured["skipping_model"]) == things
@@ -399,7 +399,7 @@ def test_waves_are_orthonormal_and_begin_with_the_constant(particles, modes):
     assert spectrum.argmax(axis=1).tolist() == [(mode + 1) // 2 for mode in range(modes)]
 
 
-def test_short_runs_are_repeated_and_their_mean_is_told():
+def test_short_runs_are_repeated_and_their_mean_is_reported():
     calls = []
 
     def call(name):

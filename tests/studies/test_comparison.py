@@ -90,7 +90,7 @@ def test_from_where_a_model_works_it_goes_on_to(pairs):
         ([0, 0, 1, 1, 0], "4-5, 8"),
     ],
 )
-def test_mode_counts_near_rounding_are_told(resolved, told):
+def test_mode_counts_near_rounding_are_reported(resolved, told):
     flags = np.array(resolved, np.int8)
     table: dict[str, np.ndarray] = {"mode_count": np.arange(4, 9), "modes_resolved": flags}
     assert comparison.near_rounding(table) == told
@@ -130,7 +130,7 @@ def test_certificates_are_those_of_the_smallest_model_that_meets_a_tolerance():
     }
 
 
-def test_a_tolerance_that_no_model_meets_is_told():
+def test_a_tolerance_that_no_model_meets_is_reported():
     rows = list(comparison.certificates(PLACE, certified([0.5, 0.05], [0.6, 0.06])))
     assert len(rows) == len(comparison.TOLERANCES) + 1
     assert rows[0]["verdict"] == "certified"

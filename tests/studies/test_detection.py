@@ -167,7 +167,7 @@ def test_no_strain_exceeds_its_bound(integrator, changes, speed, damping, step):
 
 
 def test_the_bound_is_of_use():
-    """It is below one in scenes like the paper's, and nothing where there is nothing to tell."""
+    """It is below one in scenes like the paper's, and nothing where nothing is known."""
     case = scene(duration=5, error_interval=0.01)
     rest = np.zeros(case.particle_count)
     for integrator in lifted.FIXED_STEP:
@@ -228,7 +228,7 @@ def test_stretching_to_more_than_twice_the_length_is_no_breakdown():
 
 
 def test_watching_costs_little():
-    """Of a run that keeps every tenth step; the project's own figure is told by a benchmark."""
+    """Of a run that keeps every tenth step; the project's own figure is measured by a study."""
     case = replace(scene(particle_count=200), duration=2.0, time_step=1e-3, error_interval=0.01)
     measured = detection.measure(case, repeats=3)
     table = list(detection.rows({"scene": "test"}, measured))

@@ -37,7 +37,7 @@ def snapshots(case, count):
     }
 
 
-def test_full_models_and_modes_do_not_hang_on_threads_or_cores():
+def test_full_models_and_modes_do_not_depend_on_threads_or_cores():
     """With snapshots so large that BLAS would share them among threads."""
     case = scene(particle_count=1000, duration=0.02, time_step=1e-3, damping=1)
     arrays = machine.compare(case, snapshots(case, 300))
@@ -90,7 +90,7 @@ def test_settings_are_restored_after_a_failure(monkeypatch):
     assert machine.available_cores() == cores
 
 
-def test_differences_are_told(monkeypatch):
+def test_differences_are_reported(monkeypatch):
     def run_on(threads, cores, function, *given):
         shape = 2 if len(cores) > 1 else 3
         return {

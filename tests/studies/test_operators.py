@@ -107,7 +107,7 @@ def test_samplings(changes):
     assert table[1]["frozen_growth_rate"] == found["frozen_growth_rate"][1]
 
 
-def test_rounding_is_told_from_growth():
+def test_rounding_is_reported_from_growth():
     # A double zero that has one eigenvector: rounding splits it by the root of its size.
     for angle in np.linspace(0.1, 1.5, 20):
         turn = np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])

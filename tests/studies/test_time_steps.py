@@ -81,7 +81,7 @@ def test_full_models_grow_from_the_predicted_step_on(seed, count, ratio, damped,
 
 
 @each
-def test_what_is_told_of_full_models(changes, tmp_path):
+def test_what_is_reported_of_full_models(changes, tmp_path):
     arrays = time_steps.full(scene(particle_count=20, **changes))
     assert set(arrays) == ROWS
     assert fits_dataset(arrays, tmp_path / "limits.nc")

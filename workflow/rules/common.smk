@@ -210,7 +210,7 @@ def physical(name, scenes=SCENES):
 
 
 def truth(scene):
-    """What the error of full SPH is told against: the exact solution where it is known."""
+    """What the error of full SPH is taken against: the exact solution where it is known."""
     kind = "exact" if exact.kind(physical(scene)) else "centred"
     return f"<results>/{scene}/reference_{kind}.nc"
 

@@ -1,4 +1,4 @@
-"""Results tell Snakemake what they come from, where it does not know.
+"""Results let Snakemake know what they come from, where it does not know.
 
 Snakemake keeps the parameters and inputs of each result in `.snakemake`. Of results that were
 copied here, or that have lost that folder, they stand in the results themselves and in their logs
