@@ -22,8 +22,8 @@ PACKAGE = Path(__file__).parents[1]
 LIBRARIES = "numpy", "scipy", "numba"
 """Libraries whose version may change numbers."""
 
-LOGGED = "debug", "info", "warning", "error", "critical", "exception", "warn"
-"""Methods that are given the text of a message."""
+WORDED = "debug", "info", "warning", "error", "critical", "exception", "warn", "refuse"
+"""Methods of loggers, and functions that raise, which are given the text of a message."""
 
 ALL = "*"
 """Stands for all names of a module."""
@@ -231,8 +231,8 @@ class _Plain(ast.NodeTransformer):
     def visit_Expr(self, node):
         if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             return None
-        call = node.value
-        if isinstance(call, ast.Call) and getattr(call.func, "attr", None) in LOGGED:
+        called = getattr(node.value, "func", None)
+        if (getattr(called, "attr", None) or getattr(called, "id", None)) in WORDED:
             return _Wordless().visit(node)
         return self.generic_visit(node)
 

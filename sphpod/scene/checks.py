@@ -20,6 +20,11 @@ def check(scene: Scene) -> None:
         One sentence that names the scene, the key, its value and what is allowed.
     """
     check_setting(scene)
+    check_step(scene)
+
+
+def check_step(scene: Scene) -> None:
+    """Refuse a time step with which explicit Euler lets waves grow too much; raises as `check`."""
     growth = growth_factor(scene)
     if not growth <= GROWTH_LIMIT:
         factor = f"up to {growth:.3g}" if np.isfinite(growth) else "1e308 or more"

@@ -1,0 +1,98 @@
+"""Edits that change no number make nothing anew that computes or measures."""
+
+import shutil
+
+import pytest
+
+from sphpod.pipeline import provenance
+from sphpod.studies.study import studies
+
+COMPUTED = {
+    "full.sph.solve",
+    "full.lifted.solve",
+    "numerics.error.table",
+    "reference.reference.solve_paper",
+    "reference.reference.solve_centred",
+    "reference.exact.solve",
+    "reference.exact.solve_modified",
+    "reduced.rounding.sampled",
+    "reduced.pod.decompose",
+    "reduced.lifted_rom.decompose",
+    "reduced.rom.sweep",
+    "reduced.rom.accelerate",
+    "reduced.lifted_rom.repeat_sph",
+    "reduced.certificate.certify",
+    "studies.timing.compare",
+    "studies.timing.compare_steps",
+    "studies.benchmark.compare",
+    "studies.scaling.measure",
+    "studies.skipping.measure",
+    *(data.compute for study in studies().values() for data in study.datasets.values()),
+}
+"""Functions of rules that compute or measure."""
+
+EDITS = {
+    "a variable of a new study": (
+        "pipeline/dataset.py",
+        '    "t": Variable(',
+        '    "new": Variable(("t",), "1", "what a new study computes"),\n    "t": Variable(',
+    ),
+    "the meaning of a variable": ("pipeline/dataset.py", '"strain of the particles"', '"strain"'),
+    "the meaning of a study's variable": (
+        "studies/growth.py",
+        "time over which explicit Euler runs",
+        "time that explicit Euler runs over",
+    ),
+    "a warning": (
+        "scene/waves.py",
+        "explicit Euler lets the energy",
+        "Euler's steps let the energy",
+    ),
+    "a refusal": ("scene/checks.py", "would let waves grow", "lets waves grow"),
+    "what is allowed": ("scene/checks.py", "at least 5 particles", "5 or more particles"),
+    "a breakdown": ("scene/breakdown.py", "broke down by t =", "has broken down by t ="),
+    "a column of a table of times": (
+        "studies/timing.py",
+        '        "cpu_seconds_median": median,\n        "cpu',
+        '        "fastest": lower,\n        "cpu_seconds_median": median,\n        "cpu',
+    ),
+    "a label of a table": ("studies/time_steps.py", '"growth_rate [1/s]"', '"growth rate [1/s]"'),
+    "a caption": ("studies/smoothing.py", "What the smoothing length changes", "Smoothing lengths"),
+    "a figure": ("figures/plotting.py", "PAGE_WIDTH = ", "WIDE = PAGE_WIDTH = "),
+    "a log's words": ("reduced/rom.py", "%d modes asked for", "%d modes are asked for"),
+}
+
+
+def digests():
+    for cached in (provenance._module, provenance._uses, provenance._structure_of):
+        cached.cache_clear()
+    return {name: provenance.digest(name) for name in sorted(COMPUTED)}
+
+
+@pytest.fixture(scope="module")
+def before():
+    return digests()
+
+
+@pytest.fixture
+def package(tmp_path, monkeypatch):
+    """A copy of the package to edit."""
+    copy = tmp_path / "sphpod"
+    shutil.copytree(provenance.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(provenance, "PACKAGE", copy)
+    return copy
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_it_makes_nothing_anew(before, package, edit):
+    place, old, new = EDITS[edit]
+    path = package / place
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new))
+    assert digests() == before
+
+
+def test_a_new_study_makes_nothing_anew(before, package):
+    shutil.copy(package / "studies/observed_order.py", package / "studies/another_order.py")
+    assert digests() == before
