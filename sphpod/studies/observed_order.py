@@ -44,6 +44,18 @@ ROUNDING = 1e-12
 ANGLES = {"symplectic_euler": 1.0, "leapfrog": 1.0, "rk45": 0.5, "dop853": 4.0}
 """Angle by which the fastest wave turns in the longest step of each integrator [rad]."""
 
+WORDS = {
+    "sph": "full SPH",
+    "explicit_euler": "explicit Euler",
+    "symplectic_euler": "symplectic Euler",
+    "rk45": "RK45",
+    "dop853": "DOP853",
+    "lifted_full": "lifted full model",
+    "reference_fd": "reference fd",
+    "reference_centred": "reference centred",
+}
+"""Models and integrators in figures."""
+
 Fields = Mapping[str, np.ndarray]
 
 
@@ -285,7 +297,7 @@ def _labels(arrays) -> Iterable[str]:
     for model, integrator, refinement, against in zip(*(arrays[n] for n in names), strict=True):
         what = integrator if refinement == "time" and model != "sph" else model
         how = "in time" if refinement == "time" else f"against {against}"
-        yield f"{what}, {how}".replace("_", " ").replace("reference ", "")
+        yield f"{WORDS.get(what, what)}, {how}"
 
 
 def _finest(values):
