@@ -158,6 +158,9 @@ def choose(
 def verdict(chosen: Mapping[str, np.ndarray]) -> str:
     """What `choose` found, in words."""
     bound, tolerance = chosen["energy_error_bound"][0], chosen["tolerance"]
+    if np.isnan(bound):
+        # The bound is positive, and has nothing to be relative to.
+        return "in the best model nothing moves; not certified: there is no relative error to bound"
     relation = "within" if chosen["certified"] else "not within"
     word = "certified" if chosen["certified"] else "not certified"
     return (

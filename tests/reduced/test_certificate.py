@@ -201,3 +201,17 @@ def test_the_verdict_is_said_in_words(certified, bound, sentence):
     }
     words = certificate.verdict(chosen)
     assert words == f"7 modes are within 2.3e-03 of the best model; {sentence}"
+
+
+def test_where_nothing_moves_in_the_best_model_the_verdict_has_no_number():
+    """As where a force begins after the snapshots, which the bound sees and the modes do not."""
+    case = scene(
+        initial_velocity=0, force={"time": "where(t < 0.5, 0, 1e-3)", "profile": "x - L/2"}
+    )
+    still = np.zeros((5, case.particle_count))
+    snapshots = {"velocity_snapshots": still, "density_snapshots": 1 + still}
+    chosen = certificate.choose(case, 1e-2, lifted_rom.decompose(case, snapshots))
+    assert not chosen["certified"]
+    words = certificate.verdict(chosen)
+    assert "nothing moves; not certified" in words
+    assert "nan" not in words
