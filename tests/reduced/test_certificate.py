@@ -189,6 +189,8 @@ def test_models_are_certified_and_not():
     [
         (1, 4.56e-3, "certified: the bound 4.6e-03 is within 0.01"),
         (0, 0.123, "not certified: the bound 1.2e-01 is not within 0.01"),
+        # Of a best model in which nothing moves.
+        (0, np.nan, "nothing moves; not certified: there is no relative error to bound"),
     ],
 )
 def test_the_verdict_is_said_in_words(certified, bound, sentence):
@@ -201,17 +203,3 @@ def test_the_verdict_is_said_in_words(certified, bound, sentence):
     }
     words = certificate.verdict(chosen)
     assert words == f"7 modes are within 2.3e-03 of the best model; {sentence}"
-
-
-def test_where_nothing_moves_in_the_best_model_the_verdict_has_no_number():
-    """As where a force begins after the snapshots, which the bound sees and the modes do not."""
-    case = scene(
-        initial_velocity=0, force={"time": "where(t < 0.5, 0, 1e-3)", "profile": "x - L/2"}
-    )
-    still = np.zeros((5, case.particle_count))
-    snapshots = {"velocity_snapshots": still, "density_snapshots": 1 + still}
-    chosen = certificate.choose(case, 1e-2, lifted_rom.decompose(case, snapshots))
-    assert not chosen["certified"]
-    words = certificate.verdict(chosen)
-    assert "nothing moves; not certified" in words
-    assert "nan" not in words
