@@ -158,14 +158,14 @@ def choose(
 def verdict(chosen: Mapping[str, np.ndarray]) -> str:
     """What `choose` found, in words."""
     bound, tolerance = chosen["energy_error_bound"][0], chosen["tolerance"]
-    if np.isnan(bound):
-        # The bound is positive, and has nothing to be relative to.
-        return "in the best model nothing moves; not certified: there is no relative error to bound"
     relation = "within" if chosen["certified"] else "not within"
     word = "certified" if chosen["certified"] else "not certified"
+    reason = f"the bound {bound:.1e} is {relation} {tolerance:g}"
+    if np.isnan(bound):
+        reason = "nothing moves in it that the bound could be relative to"
     return (
         f"{chosen['mode_count'][0]} modes are within {chosen['difference_from_best'][0]:.1e} of "
-        f"the best model; {word}: the bound {bound:.1e} is {relation} {tolerance:g}"
+        f"the best model; {word}: {reason}"
     )
 
 

@@ -190,7 +190,7 @@ def test_models_are_certified_and_not():
         (1, 4.56e-3, "certified: the bound 4.6e-03 is within 0.01"),
         (0, 0.123, "not certified: the bound 1.2e-01 is not within 0.01"),
         # Of a best model in which nothing moves.
-        (0, np.nan, "nothing moves; not certified: there is no relative error to bound"),
+        (0, np.nan, "not certified: nothing moves in it that the bound could be relative to"),
     ],
 )
 def test_the_verdict_is_said_in_words(certified, bound, sentence):
