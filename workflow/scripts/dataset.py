@@ -4,7 +4,7 @@ import inspect
 
 from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
-from sphpod.studies import study, timing
+from sphpod.studies import study
 
 if __name__ == "__main__":
     given = job.start(snakemake)
@@ -13,6 +13,8 @@ if __name__ == "__main__":
     if params.sampling:
         settings["sampling"] = {"name": place["sampling"], **params.sampling}
     if params.alone:
+        from sphpod.studies import timing
+
         settings["machine"] = timing.machine()
     read = dataset.read if params.all_times else dataset.read_samples
     inputs = {
