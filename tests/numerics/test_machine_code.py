@@ -149,7 +149,7 @@ def test_an_edit_while_a_process_runs_spoils_nothing(package):
     path = package / "inner.py"
     program = f"""
 from pathlib import Path
-import sphpod.compiled
+import sphpod.numerics.compiled
 path = Path({str(path)!r})
 path.write_text(path.read_text().replace("value + SHIFT", "value - SHIFT"))
 {PROGRAM}

@@ -224,7 +224,7 @@ def test_a_failed_write_leaves_the_old_file_alone(tmp_path):
 
 def test_what_a_killed_process_left_is_removed(tmp_path):
     program = (
-        "import sys, os; from sphpod import dataset\n"
+        "import sys, os; from sphpod.pipeline import dataset\n"
         "with dataset.whole(sys.argv[1]) as partial:\n"
         "    partial.write_text('half'); os.kill(os.getpid(), 9)"
     )

@@ -103,8 +103,8 @@ def test_errors_of_full_models_are_their_own(case):
         for field in error.FIELDS:
             for name, against in (("", case.full), ("_exact", case.reference)):
                 value = error.relative_error(found[field], against[field])
-                found = table[f"error_{field}{name}"][rows[0]]
-                assert found == pytest.approx(value, rel=1e-6, abs=1e-12)
+                stored = table[f"error_{field}{name}"][rows[0]]
+                assert stored == pytest.approx(value, rel=1e-6, abs=1e-12)
     # Nothing is compared with full SPH of other particles.
     others = table["particle_count"] != own.particle_count
     assert np.isnan(table["error_velocity"][others]).all()
