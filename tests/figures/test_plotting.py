@@ -271,8 +271,10 @@ def test_same_figure_same_bytes(name: str, tmp_path: Path) -> None:
 def test_another_process_writes_the_same_bytes(tmp_path: Path) -> None:
     """Neither the order of sets nor the user's own settings for matplotlib get into the files."""
     (tmp_path / "matplotlibrc").write_text("font.size: 20\nlines.linewidth: 7\n")
+    script = (
         "import sys; from sphpod.figures import plotting;"
         "plotting.save(plotting.spring(), *sys.argv[1:])"
+    )
     contents = set()
     for seed, folder in (("1", tmp_path), ("2", tmp_path / "absent")):
         paths = tmp_path / f"{seed}.pdf", tmp_path / f"{seed}.png"
