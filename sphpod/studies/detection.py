@@ -125,7 +125,7 @@ STUDY = Study(
             compute="studies.detection.measure",
             message="{scene}: what it costs to watch for a breakdown",
             arguments={"repeats": "benchmark.repeats"},
-            needs=("is_even", "evenly spaced particles"),
+            needs=("is_even", "with evenly spaced particles"),
             alone=True,
             places=partial(scenes, needs="is_even"),
         )

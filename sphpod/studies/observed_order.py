@@ -311,7 +311,7 @@ STUDY = Study(
             compute="studies.observed_order.study",
             message="{scene}: observed orders of convergence",
             arguments={"levels": "studies.observed_order.levels"},
-            needs=("is_even", "evenly spaced particles"),
+            needs=("is_even", "with evenly spaced particles"),
             places=lambda config: scenes(config, "is_even"),
         )
     },

@@ -674,6 +674,14 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
             "scene = graded: this needs one without damping, force or layers",
         ),
         (["--", "small/figures/nothing.pdf"], "figure = nothing: allowed are "),
+        (
+            ["--", "small/results/damped_forced/growth.nc"],
+            "scene = damped_forced: this needs one without damping and force",
+        ),
+        (
+            ["--", "small/results/waves/uniform10/long_run/k11.nc"],
+            "scene waves: modes = 11: more modes than the larger snapshot set of sampling uniform10",
+        ),
         (["--config", "scenes={waves: {time_step: 0}}"], "scene waves: time_step = 0: "),
         (["--config", "output=/"], "output = /: "),
         (
