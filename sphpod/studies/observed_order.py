@@ -67,7 +67,7 @@ def study(scene: Scene, levels: int) -> dict[str, np.ndarray]:
     scene : Scene
         Of evenly spaced particles.
     levels : int
-        Grids or time steps, each half of the one before, at least two.
+        Grids or time steps, each half of the one before, at least three.
 
     Returns
     -------
@@ -267,15 +267,16 @@ def draw(tables: Mapping[tuple[str, ...], Fields]) -> "Figure":
     @plotting.styled
     def drawn():
         looks = stability_plots.scene_looks(tables)
-        labels = list(dict.fromkeys(one for arrays in tables.values() for one in _labels(arrays)))
+        labels = list(dict.fromkeys(one for arrays in tables.values() for one in _known(arrays)))
         height = 0.9 + 0.22 * len(labels)
         figure = Figure(figsize=(plotting.PAGE_WIDTH, height), layout="constrained")
         panels = figure.subplots(1, 2, sharey=True)
         for axes, field in zip(panels, FIELDS, strict=True):
             for number, ((scene, *_), arrays) in enumerate(tables.items()):
                 shift = 0.7 * ((number + 0.5) / len(tables) - 0.5)
-                heights = [labels.index(label) + shift for label in _labels(arrays)]
-                found = [_finest(values) for values in arrays[f"refined_{field}_order"]]
+                orders = dict(zip(_labels(arrays), arrays[f"refined_{field}_order"], strict=True))
+                heights = [n + shift for n, label in enumerate(labels) if label in orders]
+                found = [_finest(orders[label]) for label in labels if label in orders]
                 look = {**looks[scene], "linestyle": "", "label": scene.replace("_", " ")}
                 axes.plot(found, heights, **look)
             axes.set_xlabel(f"observed order, {field}")
@@ -284,7 +285,7 @@ def draw(tables: Mapping[tuple[str, ...], Fields]) -> "Figure":
             for place in range(1, len(labels)):
                 axes.axhline(place - 0.5, color=plotting.PALE, linewidth=0.5)
         panels[0].set_yticks(range(len(labels)), labels)
-        panels[0].invert_yaxis()
+        panels[0].set_ylim(len(labels) - 0.5, -0.5)
         figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
         return figure
 
@@ -298,6 +299,13 @@ def _labels(arrays) -> Iterable[str]:
         what = integrator if refinement == "time" and model != "sph" else model
         how = "in time" if refinement == "time" else f"against {against}"
         yield f"{WORDS.get(what, what)}, {how}"
+
+
+def _known(arrays) -> Iterable[str]:
+    """Those of which an order is known."""
+    orders = np.stack([arrays[f"refined_{field}_order"] for field in FIELDS])
+    known = ~np.isnan(orders).all(axis=(0, 2))
+    return (label for label, one in zip(_labels(arrays), known, strict=True) if one)
 
 
 def _finest(values):
@@ -325,7 +333,7 @@ STUDY = Study(
         "levels": {
             "description": "grids and time steps, each half of the one before",
             "type": "integer",
-            "minimum": 2,
+            "minimum": 3,
             "default": 3,
         }
     },

@@ -94,7 +94,7 @@ def test_a_table_has_a_row_for_each_level(arrays, tmp_path):
 
 
 def test_scenes_in_which_nothing_moves_have_no_order():
-    found = observed_order.study(scene(initial_velocity=0), 2)
+    found = observed_order.study(scene(initial_velocity=0), 3)
     assert not np.nan_to_num(found["refined_velocity_error"]).any()
     assert np.isnan(found["refined_velocity_order"]).all()
 

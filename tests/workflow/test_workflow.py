@@ -680,7 +680,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
         ),
         (
             ["--", "small/results/waves/uniform10/long_run/k11.nc"],
-            "scene waves: modes = 11: more modes than the larger snapshot set of sampling uniform10",
+            "scene waves: modes = 11: more modes than the larger snapshot set of sampling",
         ),
         (["--config", "scenes={waves: {time_step: 0}}"], "scene waves: time_step = 0: "),
         (["--config", "output=/"], "output = /: "),
