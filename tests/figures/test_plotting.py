@@ -268,6 +268,7 @@ def test_same_figure_same_bytes(name: str, tmp_path: Path) -> None:
     assert len(pdf) < 300_000
 
 
+@pytest.mark.workflow
 def test_another_process_writes_the_same_bytes(tmp_path: Path) -> None:
     """Neither the order of sets nor the user's own settings for matplotlib get into the files."""
     (tmp_path / "matplotlibrc").write_text("font.size: 20\nlines.linewidth: 7\n")

@@ -146,6 +146,7 @@ def test_densities_that_are_not_positive_and_no_snapshots_are_refused():
         pod.modes(np.zeros((0, 9)))
 
 
+@pytest.mark.workflow
 def test_modes_are_the_same_to_the_last_bit_for_any_number_of_threads():
     """Those of small singular values too."""
     program = """if True:

@@ -37,6 +37,7 @@ def snapshots(case, count):
     }
 
 
+@pytest.mark.workflow
 def test_full_models_and_modes_do_not_depend_on_threads_or_cores():
     """With snapshots so large that BLAS would share them among threads."""
     case = scene(particle_count=1000, duration=0.02, time_step=1e-3, damping=1)
