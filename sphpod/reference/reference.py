@@ -37,6 +37,9 @@ PARALLEL = 0.12
 COSINE_TOLERANCE = 0.05
 """How far a cosine may lie beyond what it should be, as no three grids are quite regular."""
 
+TIME_PARTS, PART_TIMES = 8, 4
+"""Parts of the time in each of which errors must fall, and the least number of times in one."""
+
 CELL_PARTS = 8
 """Parts of a cell whose midpoints give its mean; a jump between two of them is located."""
 
@@ -127,6 +130,12 @@ def richardson(fine: np.ndarray, middle: np.ndarray, coarse: np.ndarray) -> tupl
 
     of which the ratio gives c, and then a. Orders are taken to be 2 at most.
 
+    A wave that runs out of phase by more than a radian on the coarser grids differs by as much on
+    both, and no more than by twice itself. As phases drift with time, the order there falls below
+    that of any jump; of waves together it falls so for the shortest first, and may hide in the sum
+    over all times. So the order is observed in each part of the time that has its share of the
+    differences.
+
     Parameters
     ----------
     fine, middle, coarse : arrays, shape (times, N)
@@ -135,8 +144,9 @@ def richardson(fine: np.ndarray, middle: np.ndarray, coarse: np.ndarray) -> tupl
     -------
     estimate : float
         `SAFETY` times a, relative to the fine solution; NaN if the grids are not in the asymptotic
-        range: errors that do not fall, or faster than the scheme can; that swing from side to side
-        (c < 0); or that are parallel without falling as smooth errors do. 0 if nothing differs.
+        range: errors that do not fall, in all or in a part of the time, or fall faster than the
+        scheme can; that swing from side to side (c < 0); or that are parallel without falling as
+        smooth errors do. 0 if nothing differs.
     order : float
         Observed order p; NaN if nothing differs.
     """
@@ -149,7 +159,7 @@ def richardson(fine: np.ndarray, middle: np.ndarray, coarse: np.ndarray) -> tupl
         return 0.0, np.nan
     with np.errstate(divide="ignore", invalid="ignore"):
         order = float(np.log2(np.float64(second) / first))
-    if not ORDERS[0] <= order <= ORDERS[1]:
+    if not ORDERS[0] <= order <= ORDERS[1] or _least_order(fine, middle, coarse) < ORDERS[0]:
         return np.nan, order
     r = second / first
     q = (over_both / first) ** 2
@@ -160,6 +170,17 @@ def richardson(fine: np.ndarray, middle: np.ndarray, coarse: np.ndarray) -> tupl
     r, cosine = min(r, 4.0), min(cosine, 1.0)
     error = first / np.sqrt(1 + r**2 - 2 * cosine * r)
     return SAFETY * error / float(np.linalg.norm(fine / size)), order
+
+
+def _least_order(fine, middle, coarse):
+    """Least order observed in parts of the time, of those that hold their share of differences."""
+    parts = np.array_split(np.arange(len(fine)), max(min(TIME_PARTS, len(fine) // PART_TIMES), 1))
+    first, second = (
+        np.array([np.linalg.norm((one - other)[part]) for part in parts])
+        for one, other in ((middle, fine), (coarse, middle))
+    )
+    weighs = first**2 * len(parts) >= (first**2).sum()
+    return float(np.log2(second[weighs] / first[weighs]).min())
 
 
 def _solve(scene, refinement, shift):

@@ -64,7 +64,7 @@ KINK = "1e-3*x*(L - x)"
 def test_the_estimate_is_one_to_three_times_the_error(changes, order):
     """With the orders that second-order differences have: 2, 1 at kinks and 1/3 at jumps of v."""
     wave = {"initial_velocity": "1e-3*sin(2*pi*x/L)"}
-    for count in (50, 77, 200):
+    for count in (50, 77, 200, 800):
         case = scene(
             particle_count=count, time_step=0.02 / (count // 5), error_interval=0.02,
             **(wave | changes),
@@ -75,6 +75,22 @@ def test_the_estimate_is_one_to_three_times_the_error(changes, order):
             ratio = result[f"{field}_error_estimate"] / relative_error(result[field], truth[field])
             assert 1 <= ratio <= 3, (count, field)
             assert abs(result[f"{field}_observed_order"] - order) < 0.65
+
+
+@pytest.mark.parametrize(
+    ("velocity", "count"),
+    [("sin(20*pi*x/L)", 50), ("sin(2*pi*x/L) + 0.5*cos(8*pi*x/L) + 0.2*sin(26*pi*x/L)", 77)],
+    ids=["a short wave", "a short wave among long ones"],
+)
+def test_waves_that_run_out_of_phase_on_coarser_grids_leave_no_estimate(velocity, count):
+    """In all, the differences fall as those of a jump do; in the last of the time they grow."""
+    case = scene(
+        particle_count=count, duration=10, error_interval=0.02, time_step=0.02 / (count // 5),
+        initial_velocity=f"1e-3*({velocity})",
+    )  # fmt: skip
+    result = reference.solve_centred(case)
+    assert result["asymptotic"] == 0
+    assert 0.2 < result["velocity_observed_order"] < 0.4
 
 
 def test_the_estimate_is_right_where_damping_jumps():
