@@ -6,16 +6,15 @@ make reference
 from importlib import import_module
 from pathlib import Path
 
-import yaml
-
-from sphpod.config.config import SCHEMA, with_studies
+from sphpod.config import refusals
+from sphpod.config.configuration import schema, study_sections
 from sphpod.studies.study import studies
 
 HEAD = """# Reference
 
-Made by `make reference` from what studies declare (`sphpod/studies/`) and the schema of the
-configuration; a test keeps it in step. Files are in `results`. Names and units of other files are
-in [notation.md](notation.md), keys of scenes and samplings with examples in
+Made by `make reference` from what studies declare (`sphpod/studies/`) and the models of the
+configuration (`sphpod/config/`); a test keeps it in step. Files are in `results`. Names and units
+of other files are in [notation.md](notation.md), keys of scenes and samplings with examples in
 [adding-a-scene.md](adding-a-scene.md).
 """
 
@@ -62,47 +61,47 @@ def of_study(word, study):
     return "\n\n".join(parts)
 
 
-def allowed(schema, definitions):
+def allowed(key):
     """What the value of a key may be, in short."""
-    schema = definitions[schema["$ref"].rpartition("/")[2]] | schema if "$ref" in schema else schema
-    kinds = schema.get("type", "")
-    words = " or ".join([kinds] if isinstance(kinds, str) else kinds)
-    if "enum" in schema:
-        words = ", ".join(map(str, schema["enum"]))
-    for key, sign in (("minimum", "≥"), ("exclusiveMinimum", ">"), ("maximum", "≤")):
-        if key in schema:
-            words += f" {sign} {schema[key]}"
+    kinds = [one["type"] for one in refusals.branches(key) if "type" in one]
+    words = " or ".join(dict.fromkeys(kinds))
+    if choices := refusals.choices(key):
+        words = ", ".join(map(str, choices))
+    for limit, sign in (("minimum", "≥"), ("exclusiveMinimum", ">"), ("maximum", "≤")):
+        if limit in key:
+            words += f" {sign} {key[limit]}"
     return words
 
 
-def of_section(title, schema, definitions):
-    rows = [
-        (f"`{key}`", allowed(value, definitions), value.get("description", ""))
-        for key, value in schema.get("properties", {}).items()
-    ]
-    return f"### {title}\n\n{table(('Key', 'Value', 'Meaning'), rows)}"
+def of_section(title, section):
+    rows = []
+    for key, value in refusals.keys_of(section).items():
+        default = "" if value.get("default", "") in ("", [], {}) else f"`{value['default']}`"
+        rows.append((f"`{key}`", allowed(value), value.get("description", ""), default))
+    return f"### {title}\n\n{table(('Key', 'Value', 'Meaning', 'Default'), rows)}"
 
 
 def reference():
     """The page, as text."""
-    schema = with_studies(yaml.safe_load(SCHEMA.read_text(encoding="utf-8")))
-    definitions = schema["$defs"]
-    keys = schema["properties"]
-    sections = [
-        ("At the top", schema),
-        ("`scenes.{name}`", definitions["scene"]),
-        ("`scenes.{name}.samplings.{name}`", definitions["sampling"]),
-        ("`scenes.{name}.acceleration.{sampling}`", definitions["acceleration"]),
-        ("`scenes.{name}.figures`, each", definitions["figure"]),
-        ("`illustrations`, each", definitions["illustration"]),
-        ("`benchmark`", keys["benchmark"]),
-        ("`stability`", keys["stability"]),
-        *((f"`studies.{word}`", study) for word, study in keys["studies"]["properties"].items()),
+    keys = refusals.written_out(schema())
+    places = [
+        ("At the top", ()),
+        ("`scenes.{name}`", ("scenes", "")),
+        ("`scenes.{name}.force`", ("scenes", "", "force")),
+        ("`scenes.{name}.positions`", ("scenes", "", "positions")),
+        ("`scenes.{name}.samplings.{name}`", ("scenes", "", "samplings", "")),
+        ("`scenes.{name}.acceleration.{sampling}`", ("scenes", "", "acceleration", "")),
+        ("`scenes.{name}.figures`, each", ("scenes", "", "figures", 0)),
+        ("`illustrations`, each", ("illustrations", 0)),
+        ("`benchmark`", ("benchmark",)),
+        ("`stability`", ("stability",)),
+        ("`claims`, each", ("claims", 0)),
+        *((f"`studies.{word}`", ("studies", word)) for word in study_sections()),
     ]
     parts = [HEAD.rstrip(), "## Studies"]
     parts += [of_study(word, study) for word, study in studies().items()]
     parts += ["## Keys of the configuration"]
-    parts += [of_section(title, section, definitions) for title, section in sections]
+    parts += [of_section(title, refusals.node_at(keys, path)) for title, path in places]
     return "\n\n".join(parts) + "\n"
 
 

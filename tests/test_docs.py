@@ -7,6 +7,7 @@ import runpy
 import shlex
 import subprocess
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,13 +16,12 @@ import yaml
 from snakemake.cli import get_argument_parser  # type: ignore[import-untyped]
 
 import sphpod
-from sphpod.config import config
+from sphpod.config import config, configuration, refusals
 from sphpod.pipeline.dataset import VARIABLES
 from sphpod.scene import kernel
 from sphpod.scene.scene import Scene
 
 ROOT = Path(__file__).parents[1]
-SCHEMA = ROOT / "sphpod" / "config" / "config.schema.yaml"
 DOCUMENTS = {
     path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8")
     for path in (
@@ -82,12 +82,20 @@ def numbers(cell: str) -> list[str]:
 
 @pytest.fixture(scope="module")
 def paper() -> dict[str, Any]:
-    return config.load([ROOT / "config" / "config.yaml"], SCHEMA)
+    return config.load([ROOT / "config" / "config.yaml"])
 
 
 @pytest.fixture(scope="module")
 def schema() -> dict[str, Any]:
-    return config.read_yaml(SCHEMA)
+    """Sections of the configuration of a scene, by name."""
+    scene = refusals.node_at(refusals.written_out(configuration.schema()), ("scenes", "wave"))
+    places = {
+        "scene": (),
+        "sampling": ("samplings", "few"),
+        "acceleration": ("acceleration", "few"),
+        "figure": ("figures", 0),
+    }
+    return {name: refusals.node_at(scene, path) for name, path in places.items()}
 
 
 @pytest.fixture
@@ -132,16 +140,16 @@ def test_notation_has_every_variable_with_its_dimensions_and_unit(notation):
 
 
 def test_notation_has_every_key_of_a_scene_and_a_sampling_with_its_unit(notation, schema):
-    keys = set(schema["$defs"]["scene"]["properties"])
+    keys = set(refusals.keys_of(schema["scene"]))
     fields = {field.name for field in dataclasses.fields(Scene)}
     assert set(notation["Scene"]) == keys | fields
     assert set(notation["Sampling"]) == {
-        *schema["$defs"]["sampling"]["properties"],
-        *schema["$defs"]["acceleration"]["properties"],
+        *refusals.keys_of(schema["sampling"]),
+        *refusals.keys_of(schema["acceleration"]),
     }
     for group, table in (("Scene", "scene"), ("Sampling", "sampling")):
-        for key, field in schema["$defs"][table]["properties"].items():
-            if unit := schema_unit(field, schema):
+        for key, field in refusals.keys_of(schema[table]).items():
+            if unit := schema_unit(field):
                 assert (key, notation[group][key][1]) == (key, unit)
 
 
@@ -153,10 +161,8 @@ def test_notation_has_all_that_a_scene_and_the_kernel_give(notation):
     assert all(re.search(rf"\b{name}\b", source) for name in notation["Kernel"])
 
 
-def schema_unit(field: dict[str, Any], schema: dict[str, Any]) -> str | None:
-    """Unit that a field's description has in brackets, or that of what the field refers to."""
-    if "description" not in field and "$ref" in field:
-        field = schema["$defs"][field["$ref"].rpartition("/")[2]]
+def schema_unit(field: Mapping[str, Any]) -> str | None:
+    """Unit that a field's description has in brackets."""
     match = re.search(r"\[([^\]]+)\]", field.get("description", ""))
     return match[1].replace("m3", "m³").replace("s2", "s²") if match else None
 
@@ -165,7 +171,7 @@ def schema_unit(field: dict[str, Any], schema: dict[str, Any]) -> str | None:
 
 
 def test_example_scene_is_accepted(example):
-    settings = config.load([example], SCHEMA)
+    settings = config.load([example])
     assert settings["output"] == "mine"
     (scene,) = settings["scenes"].values()
     assert scene["references"] == ["centred"]
@@ -176,17 +182,18 @@ def test_every_key_is_explained_with_its_unit(schema):
     table = groups(DOCUMENTS["docs/adding-a-scene.md"], "Key")
     assert list(table) == ["Scene", "Sampling", "Acceleration", "Figure"]
     for group, entries in table.items():
-        definition = schema["$defs"][group.lower()]
+        definition = schema[group.lower()]
+        needed = [branch.get("required", ()) for branch in refusals.branches(definition)]
         keys = {key: row for row in entries for key in quoted(row[0])}
-        assert {key.split(".")[0] for key in keys} == set(definition["properties"])
-        for key, field in definition["properties"].items():
+        assert {key.split(".")[0] for key in keys} == set(refusals.keys_of(definition))
+        for key, field in refusals.keys_of(definition).items():
             _, meaning, unit, default = keys[key]
             assert meaning
             assert (key, default.startswith("required")) == (
                 key,
-                key in definition.get("required", ()) or (group == "Figure" and key in CONDITIONAL),
+                all(key in keys for keys in needed) or (group == "Figure" and key in CONDITIONAL),
             )
-            if expected := schema_unit(field, schema):
+            if expected := schema_unit(field):
                 assert (key, unit.split(", ")[0]) == (key, expected)
 
 
@@ -209,7 +216,7 @@ def test_refusals_are_worded_as_written(example):
         place[last] = config.read_yaml(example)["value"]
         example.write_text(yaml.safe_dump(changed, sort_keys=False))
         with pytest.raises(config.ConfigError) as caught:
-            config.load([example], SCHEMA)
+            config.load([example])
         pattern = re.escape(answer).replace("…", ".*")
         assert re.fullmatch(pattern, str(caught.value)), str(caught.value)
 

@@ -646,26 +646,24 @@ def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     Parameters
     ----------
     scenes
-        By scene: `smoothing_ratio`, above 1 and 1.04 among them, `derivative_coefficient`,
+        By scene: `smoothing_ratio`, above 1, alike for all, `derivative_coefficient`,
         `dispersion_coefficient`, `neighbour_count`, `stable_time_step` [s],
         `smoothing_velocity_error`, `smoothing_density_error`.
 
     Raises
     ------
     ValueError
-        There is no scene, a ratio is not above 1, or 1.04 is not among those of a scene.
+        There is no scene, or a ratio is not above 1.
     """
     _given(scenes, "smoothing lengths")
-    usual = PAPER_RATIOS[0]
     for (name,), scene in scenes.items():
         if not np.all(scene["smoothing_ratio"] > 1):
             raise ValueError(f"{name} has smoothing ratios that are not above 1")
-        if not np.isclose(scene["smoothing_ratio"], usual).any():
-            raise ValueError(f"{name} has no smoothing ratio of {usual} to compare others with")
     figure = Figure(figsize=(PAGE_WIDTH, 4.9), layout="constrained")
     panels = figure.subplots(2, 2, sharex=True)
     first = next(iter(scenes.values()))
     ratios = first["smoothing_ratio"]
+    usual = np.abs(ratios - PAPER_RATIOS[0]).argmin()
     beta, stable = panels[0]
     beta.axhline(1, color=GREY, linewidth=0.6)
     beta.plot(ratios, first["derivative_coefficient"], color=BLUE)
@@ -674,10 +672,9 @@ def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     dispersion.plot(ratios, first["dispersion_coefficient"], color=VERMILLION, linestyle="--")
     _name_axis(dispersion, "dispersion coefficient (dashed)", VERMILLION)
     for scene in scenes.values():
-        at = scene["smoothing_ratio"]
-        own = scene["stable_time_step"][np.isclose(at, usual).argmax()]
-        stable.plot(at, scene["stable_time_step"] / own, color=BLUE)
-    _name_axis(stable, f"stable time step,\nof that at {usual} (solid)", BLUE)
+        step = scene["stable_time_step"]
+        stable.plot(scene["smoothing_ratio"], step / step[usual], color=BLUE)
+    _name_axis(stable, f"stable time step,\nof that at {ratios[usual]:g} (solid)", BLUE)
     neighbours = stable.twinx()
     neighbours.plot(
         ratios, first["neighbour_count"], color=VERMILLION, linestyle="--", drawstyle="steps-post"
@@ -734,6 +731,8 @@ def _scale_ratios(axes: Axes, ratios: np.ndarray) -> None:
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_locator(NullLocator())
     for ratio, side in zip(PAPER_RATIOS, ("right", "left", "center"), strict=True):
+        if not low <= ratio <= high:
+            continue
         axes.axvline(ratio, color=DIM, linewidth=0.6, linestyle=":")
         axes.annotate(f"{ratio:g}", (ratio, 1), xycoords=axes.get_xaxis_transform(),
                       xytext=(0, 2), textcoords="offset points", ha=side, **NOTE)  # fmt: skip

@@ -13,7 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.config.config import ConfigError, parse_modes
+from sphpod.config.mode_counts import parse_modes
+from sphpod.config.reading import ConfigError
 from sphpod.paper.criteria import CRITERIA, FILES
 from sphpod.studies.comparison import near_rounding
 

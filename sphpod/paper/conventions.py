@@ -147,10 +147,15 @@ def modulus(paper: Paper) -> Iterator[Row]:
             yield from changed_errors(
                 paper, convention, scene.name, variant, sph=solution, against=against, erratum=5
             )
-    text = paper.config["scenes"][scene.name]["youngs_modulus"].replace("0 < x/L", "0 <= x/L")
-    solution = reference.solve_paper(paper.scene(scene.name, youngs_modulus=text))
+    of_its_half: Any = partial(_modulus_at_seam, scene)
+    solution = reference.solve_paper(replace(scene, youngs_modulus=of_its_half))
     convention = "c(0) = 0.2 in the reference"
     yield from changed_errors(paper, convention, scene.name, "c(0) = 0.1", reference=solution)
+
+
+def _modulus_at_seam(scene, x):
+    """The modulus, at x = 0 that of the half which begins there."""
+    return scene.youngs_modulus(x=np.where(x == 0, scene.spacing / 4, x))
 
 
 def _harmonic_mean(scene, x):
@@ -162,13 +167,19 @@ def _harmonic_mean(scene, x):
 def wavenumber(paper: Paper) -> Iterator[Row]:
     """The undefined l in the initial velocity of two_moduli."""
     name = "two_moduli"
-    text = paper.config["scenes"][name]["initial_velocity"].replace("2*pi*x", "4*pi*x")
-    scene = paper.scene(name, initial_velocity=text)
+    printed = paper.scene(name)
+    with_short_waves: Any = partial(_half_as_long, printed)
+    scene = replace(printed, initial_velocity=with_short_waves)
     solution, changed = sph.solve(scene, scene.error_steps), reference.solve_paper(scene)
     convention = "l = 1 in the initial velocity"
     yield from changed_errors(
         paper, convention, name, "l = 2", sph=solution, reference=changed, erratum=5
     )
+
+
+def _half_as_long(scene, x):
+    """The initial velocity with all its waves half as long."""
+    return scene.initial_velocity(x=2 * x)
 
 
 # References and errors ----------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from sphpod.reference import exact, reference
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
 from sphpod.scene.waves import fastest_wave
-from sphpod.studies.study import Dataset, Drawing, Study, scenes
+from sphpod.studies.study import Dataset, Drawing, Setting, Study, scenes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -330,12 +330,9 @@ STUDY = Study(
         reads={"tables": ("observed_order",)},
     ),
     settings={
-        "levels": {
-            "description": "grids and time steps, each half of the one before",
-            "type": "integer",
-            "minimum": 3,
-            "default": 3,
-        }
+        "levels": Setting(
+            int, 3, ge=3, description="grids and time steps, each half of the one before"
+        )
     },
     variables={
         "refined_model": Variable(("refined",), "", "model that is refined", str),

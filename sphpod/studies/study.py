@@ -90,6 +90,21 @@ class Drawing:
     places: Callable[[Mapping[str, Any]], Iterable[Place]] | None = None
 
 
+class Setting:
+    """A key of the configuration.
+
+    Attributes
+    ----------
+    kind : type
+    default : of that type
+    about : dict
+        Its description, and what else pydantic's ``Field`` takes, such as ``ge``, the least value.
+    """
+
+    def __init__(self, kind: Any, default: Any, **about: Any) -> None:
+        self.kind, self.default, self.about = kind, default, about
+
+
 @dataclass(frozen=True)
 class Study:
     """All that the workflow needs to know of a study.
@@ -105,14 +120,14 @@ class Study:
         of a place and the arrays there, or of the arrays of all places; a row is a dict.
     drawing : Drawing or None
     settings : dict
-        JSON schemas of its keys in the configuration, ``studies.<name>``, with defaults.
+        Its keys in the configuration, ``studies.<name>``.
     """
 
     datasets: Mapping[str, Dataset]
     variables: Mapping[str, Variable] = field(default_factory=dict)
     tables: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     drawing: Drawing | None = None
-    settings: Mapping[str, Mapping[str, Any]] = field(default_factory=dict)
+    settings: Mapping[str, Setting] = field(default_factory=dict)
 
 
 def function(name: str) -> Callable[..., Any]:

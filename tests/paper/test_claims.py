@@ -7,18 +7,16 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sphpod.config import config
+from sphpod.config import config, configuration
 from sphpod.paper import claims, criteria
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = ROOT / "sphpod" / "config" / "config.schema.yaml"
 
-PAPER = config.load([ROOT / "config" / "config.yaml"], SCHEMA)
-SMALL = config.load([ROOT / "config" / "small.yaml"], SCHEMA)
+PAPER = config.load([ROOT / "config" / "config.yaml"])
+SMALL = config.load([ROOT / "config" / "small.yaml"])
 
 ERRORS = {
     "solution": np.array(["sph", "fd"]),
@@ -326,7 +324,7 @@ def test_inputs_are_results_of_the_configuration():
 
 
 def test_the_schema_knows_every_criterion_and_threshold():
-    schema = yaml.safe_load(SCHEMA.read_text(encoding="utf-8"))["$defs"]["criterion"]["properties"]
+    schema = configuration.schema()["$defs"]["Criterion"]["properties"]
     assert schema["kind"]["enum"] == sorted(criteria.CRITERIA)
     thresholds = {
         name

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import scenes
 
-from sphpod.config import config
+from sphpod.config import config, mode_counts
 from sphpod.full import sph
 from sphpod.numerics import error
 from sphpod.paper import conventions, paper
@@ -17,9 +17,8 @@ from sphpod.scene import kernel
 from sphpod.scene.scene import Scene
 
 ROOT = Path(__file__).parents[2]
-SCHEMA = ROOT / "sphpod" / "config" / "config.schema.yaml"
-PAPER = config.load([ROOT / "config" / "config.yaml"], SCHEMA)
-SMALL = config.load([ROOT / "config" / "small.yaml"], SCHEMA)
+PAPER = config.load([ROOT / "config" / "config.yaml"])
+SMALL = config.load([ROOT / "config" / "small.yaml"])
 
 VARIED = {key: value for key, value in scenes.VARIED.items() if key != "force"}
 
@@ -147,7 +146,7 @@ def results():
             modes = pod.decompose(taken)
             counts = settings["samplings"][sampling]["mode_counts"]
             found[f"{name}/{sampling}/original/k{counts}.nc"] = rom.sweep(
-                scene, "original", config.parse_modes(counts), modes, samples, samples
+                scene, "original", mode_counts.parse_modes(counts), modes, samples, samples
             )
     return study, found
 

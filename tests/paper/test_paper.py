@@ -14,9 +14,7 @@ from sphpod.reference import exact, reference
 from sphpod.scene.scene import Scene
 
 ROOT = Path(__file__).parents[2]
-PAPER = config.load(
-    [ROOT / "config" / "config.yaml"], ROOT / "sphpod" / "config" / "config.schema.yaml"
-)
+PAPER = config.load([ROOT / "config" / "config.yaml"])
 SOLVERS = {
     "fd": reference.solve_paper,
     "exact": exact.solve,

@@ -23,7 +23,7 @@ PROGRAM = """if True:
     from sphpod.full import sph
     from sphpod.scene.scene import Scene
 
-    small = config.load(["config/small.yaml"], "sphpod/config/config.schema.yaml")
+    small = config.load(["config/small.yaml"])
     settings = small["scenes"]["waves"]
     scene = Scene.from_settings("waves", settings)
     # Late snapshots, and early ones, whose modes are weak.

@@ -19,10 +19,8 @@ from sphpod.config.config import (
     check_modes,
     distinct_names,
     load,
-    parse_modes,
-    parse_tolerance,
-    usual_sweep,
 )
+from sphpod.config.mode_counts import parse_modes, parse_tolerance, usual_sweep
 from sphpod.scene.kernel import derivative_coefficient
 from sphpod.scene.scene import PHYSICS_KEYS, Scene
 from sphpod.studies.study import studies as declared_studies

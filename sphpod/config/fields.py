@@ -1,0 +1,104 @@
+"""What the models of a configuration's sections are made of."""
+
+import copy
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Discriminator, Field
+from pydantic_core import PydanticCustomError, core_schema
+
+LARGEST_SEED = 10**15 - 1
+
+
+def _described(schema, section):
+    """What a section is: the first line of its docstring, in the middle of a sentence."""
+    line = section.__doc__.partition("\n")[0].rstrip(".")
+    schema["description"] = line[0].lower() + line[1:]
+
+
+class Section(BaseModel):
+    """A block of keys: unknown ones are errors, and nothing is taken for what it is not."""
+
+    model_config = ConfigDict(
+        json_schema_extra=_described,
+        extra="forbid",
+        strict=True,
+        allow_inf_nan=False,
+        regex_engine="python-re",
+        protected_namespaces=(),
+    )
+
+    @classmethod
+    def defaults(cls) -> dict[str, Any]:
+        """Keys that have a default, with it."""
+        fields = cls.model_fields.items()
+        return {name: copy.deepcopy(field.default) for name, field in fields if _has_default(field)}
+
+
+def _has_default(field):
+    return not field.is_required() and field.default is not None
+
+
+def left_out(**about: Any) -> Any:
+    """A key that may be left out, and then is not there or depends on others."""
+    return Field(None, json_schema_extra=_without_default, **about)
+
+
+def _without_default(schema):
+    del schema["default"]
+
+
+@dataclass(frozen=True)
+class Unique:
+    """Marks a list in which no entry may stand twice."""
+
+    def __get_pydantic_core_schema__(self, source, handler):
+        return core_schema.no_info_after_validator_function(_check_unique, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema, handler):
+        return handler(schema) | {"uniqueItems": True}
+
+
+def _check_unique(values):
+    if any(value in values[:n] for n, value in enumerate(values)):
+        raise PydanticCustomError("unique_items", "no entry may stand twice")
+    return values
+
+
+def shape(value: Any) -> str | None:
+    """Tag of the branch that a value belongs to, where a key takes keys and values, or less.
+
+    Tags are in brackets, so that none is a key.
+    """
+    if isinstance(value, dict):
+        return "<mapping>"
+    if isinstance(value, list):
+        return "<list>"
+    scalar = isinstance(value, str | int | float) and not isinstance(value, bool)
+    return "<scalar>" if scalar else None
+
+
+BY_SHAPE = Discriminator(shape)
+
+NAMES = {
+    r"^[a-z][a-z0-9_]*$": "lower-case letters, digits and underscores, a letter first",
+    r"^(?!(logs|figures)$)[a-z][a-z0-9_]*$": (
+        "lower-case letters, digits and underscores, a letter first, but not logs or figures, "
+        "which are folders of logs"
+    ),
+    r"^[A-Za-z0-9][A-Za-z0-9_.-]*$": (
+        "letters, digits, dots, hyphens and underscores (the name of a file)"
+    ),
+}
+"""What names may be, by the pattern that they match."""
+
+_PLAIN, _OF_SCENE, _OF_FILE = NAMES
+Name = Annotated[str, Field(pattern=_PLAIN, description=NAMES[_PLAIN])]
+SceneName = Annotated[str, Field(pattern=_OF_SCENE, description=NAMES[_OF_SCENE])]
+FigureName = Annotated[str, Field(pattern=_OF_FILE, description=NAMES[_OF_FILE])]
+
+SamplingName = Annotated[str, Field(description="name of a sampling")]
+ModeCount = Annotated[int, Field(ge=1, description="mode count")]
+Count = Annotated[int, Field(ge=1)]
+Expression = float | str
+"""A number, or an expression as text."""

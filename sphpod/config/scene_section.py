@@ -1,0 +1,277 @@
+"""Scenes, their samplings, what is compared in CPU time, and what is drawn."""
+
+from collections.abc import Iterable, Mapping
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from sphpod.config.fields import (
+    BY_SHAPE,
+    LARGEST_SEED,
+    Expression,
+    FigureName,
+    ModeCount,
+    Name,
+    Section,
+    Unique,
+    left_out,
+)
+
+ERROR_SAMPLES = 10000
+"""Intervals over which errors are summed, where a scene says nothing else."""
+
+
+class Force(Section):
+    """A force of one term: a course in time times a profile in space."""
+
+    time: Expression = Field(
+        description="course of the force in time [m/s2], an expression in t, L and T"
+    )
+    profile: Expression = Field(
+        description="dimensionless profile in space, an expression in x, L and T"
+    )
+
+
+class Positions(Section):
+    """Where particles rest that are not evenly spaced."""
+
+    jitter: float = Field(
+        ge=0,
+        description=(
+            "largest shift of a particle from its place in an evenly spaced row, in particle "
+            "spacings (dimensionless), from 0 to below 0.5; the row begins where the first "
+            "particle is at 0"
+        ),
+    )
+    seed: int = left_out(ge=0, le=LARGEST_SEED, description="seed of the random shifts, default 0")
+
+
+Time = Annotated[float, Field(ge=0, description="time [s]")]
+Times = Annotated[
+    list[Time],
+    Field(
+        min_length=1,
+        description="snapshot times [s], within 0 and T, each rounded to the nearest time step",
+    ),
+]
+
+
+class Sampling(Section):
+    """What all samplings have."""
+
+    mode_counts: int | str = left_out(
+        description="mode counts of the sweep, such as 12 or 1-20; default 1 to 20 or to all modes "
+        "there are"
+    )
+
+
+class SampledRange(Sampling):
+    """Snapshot times by their number."""
+
+    range: list[Time] = Field(
+        min_length=2,
+        max_length=2,
+        description="first time and end of the sampled time [s], within 0 and T",
+    )
+    count: int = Field(ge=1, description="number of velocity snapshots and of density snapshots")
+    seed: int = left_out(ge=0, le=LARGEST_SEED, description="seed of the random times")
+
+
+class SampledTimes(Sampling):
+    """Snapshot times one by one."""
+
+    velocity_times: Times
+    density_times: Times
+
+
+def _way_to_sample(keys):
+    if not isinstance(keys, dict):
+        return None
+    return "<times>" if {"velocity_times", "density_times"} & set(keys) else "<range>"
+
+
+AnySampling = Annotated[
+    Annotated[SampledRange, Tag("<range>")] | Annotated[SampledTimes, Tag("<times>")],
+    Discriminator(_way_to_sample),
+    Field(
+        description="given by range and count (evenly spaced, the right end excluded; with a seed, "
+        "distinct steps drawn at random), or by velocity_times and density_times"
+    ),
+]
+
+
+class Acceleration(Section):
+    """Reduced models compared with full SPH in error and CPU time."""
+
+    mode_counts: Annotated[list[ModeCount], Unique()] = Field(
+        min_length=1, description="mode counts k of the compared models"
+    )
+    n_freeze: Annotated[
+        list[Annotated[int, Field(ge=1, le=LARGEST_SEED, description="number of time steps")]],
+        Unique(),
+    ] = Field(min_length=1, description="numbers of steps for which coefficients are kept frozen")
+
+
+WHAT_IS_DRAWN = (
+    "what is drawn: profile (initial state, reference in space and time), modes (POD modes), error "
+    "(singular values; errors against mode count), acceleration (errors against CPU time), "
+    "initial_spectrum (Fourier coefficients of v0), phase (velocity at one position against time)"
+)
+SAMPLING_SHOWN = "name of the sampling shown (modes, error and acceleration only)"
+
+
+class Figure(Section):
+    """What all figures of a scene have."""
+
+    shows: ClassVar[str]
+    """How its caption begins, unless it has one of its own."""
+
+    name: FigureName = left_out(
+        description="file name without ending, default {scene}_{sampling}_{kind} or {scene}_{kind}"
+    )
+    caption: str = left_out(description="caption in the report")
+
+
+class ProfileFigure(Figure):
+    """The initial state, and the reference in space and time."""
+
+    shows: ClassVar[str] = "Initial state and reference solution"
+    kind: Literal["profile"] = Field(description=WHAT_IS_DRAWN)
+    fields: Annotated[list[Literal["initial_velocity", "velocity", "density_change"]], Unique()] = (
+        Field(
+            ["initial_velocity", "velocity"],
+            min_length=1,
+            description="panels of a profile, default initial_velocity and velocity",
+        )
+    )
+
+
+class ModesFigure(Figure):
+    """POD modes."""
+
+    shows: ClassVar[str] = "Leading POD modes of velocity and density"
+    kind: Literal["modes"] = Field(description=WHAT_IS_DRAWN)
+    sampling: str = Field(description=SAMPLING_SHOWN)
+
+
+class ErrorFigure(Figure):
+    """Singular values, and errors against the number of modes."""
+
+    shows: ClassVar[str] = "Singular values, and errors against the number of POD modes"
+    kind: Literal["error"] = Field(description=WHAT_IS_DRAWN)
+    sampling: str = Field(description=SAMPLING_SHOWN)
+
+
+class AccelerationFigure(Figure):
+    """Errors against CPU time."""
+
+    shows: ClassVar[str] = "Errors of the reduced models against CPU time"
+    kind: Literal["acceleration"] = Field(description=WHAT_IS_DRAWN)
+    sampling: str = Field(description=SAMPLING_SHOWN)
+
+
+class InitialSpectrumFigure(Figure):
+    """Fourier coefficients of the initial velocity."""
+
+    shows: ClassVar[str] = "Fourier coefficients of the initial velocity"
+    kind: Literal["initial_spectrum"] = Field(description=WHAT_IS_DRAWN)
+
+
+class PhaseFigure(Figure):
+    """The velocity at one position."""
+
+    shows: ClassVar[str] = "Velocity at one position against time"
+    kind: Literal["phase"] = Field(description=WHAT_IS_DRAWN)
+    position: float = Field(
+        ge=0,
+        description="where the velocity of a phase figure is taken [m], from 0 to below L",
+    )
+
+
+AnyFigure = Annotated[
+    ProfileFigure
+    | ModesFigure
+    | ErrorFigure
+    | AccelerationFigure
+    | InitialSpectrumFigure
+    | PhaseFigure,
+    Field(discriminator="kind", description="one figure of a scene"),
+]
+
+FIGURES: dict[str, type[Figure]] = {
+    "profile": ProfileFigure,
+    "modes": ModesFigure,
+    "error": ErrorFigure,
+    "acceleration": AccelerationFigure,
+    "initial_spectrum": InitialSpectrumFigure,
+    "phase": PhaseFigure,
+}
+
+
+class Scene(Section):
+    """One simulated system, its discretisation, and what is studied and drawn of it."""
+
+    section: str = Field("", description="section of the paper, as text (in quotes)")
+    domain_length: float = Field(gt=0, description="length L of the periodic domain [m]")
+    duration: float = Field(gt=0, description="simulated time T [s], a whole number of time steps")
+    initial_velocity: Expression = Field(
+        description="v0(x) [m/s], a number or an expression in x, L and T"
+    )
+    initial_density: Expression = Field(
+        description="rho0(x) [kg/m3], positive, a number or an expression in x, L and T"
+    )
+    youngs_modulus: Expression = Field(
+        description="c(x) [Pa], positive, a number or an expression in x, L and T"
+    )
+    damping: Expression = left_out(
+        description="damping coefficient d(x) [1/s], not negative; left out if there is none"
+    )
+    force: Annotated[
+        Annotated[Expression, Tag("<scalar>")] | Annotated[Force, Tag("<mapping>")], BY_SHAPE
+    ] = left_out(
+        description="external force per mass [m/s2], an expression in t, or time (in t) and "
+        "profile (in x); left out if there is none"
+    )
+    interface: Literal["mean"] = left_out(
+        description="how SPH sees a modulus that jumps: with mean, a particle has the mean of its "
+        "two half cells; left out, c(x) as it stands"
+    )
+    positions: Positions = left_out(
+        description="where particles rest: shifted at random from their even places; evenly spaced "
+        "if left out"
+    )
+    particle_count: int = Field(ge=5, le=100000, description="number N of particles")
+    smoothing_ratio: float = Field(
+        gt=0, description="smoothing length in particle spacings, alpha = h/dx (dimensionless)"
+    )
+    time_step: float = Field(gt=0, description="time step dt of the explicit Euler scheme [s]")
+    error_interval: float = left_out(
+        gt=0,
+        description="distance of the times over which errors are summed [s], a whole number of "
+        "time steps, default T/10000",
+    )
+    references: Annotated[list[Literal["fd", "centred", "exact", "modified"]], Unique()] = left_out(
+        min_length=1,
+        description="solutions that SPH is compared with, the first being the one errors are "
+        "quoted against: exact, modified (exact, waves speeded up by beta), fd (staggered finite "
+        "differences compared as in the paper) and centred (the same with density brought back to "
+        "the particles); default exact where such a solution is known, otherwise centred",
+    )
+    samplings: dict[Name, AnySampling] = Field({}, description="when snapshots are taken, by name")
+    acceleration: dict[str, Acceleration] = Field(
+        {}, description="by name of the sampling, what is compared in error and CPU time"
+    )
+    figures: list[AnyFigure] = left_out(
+        description="what is drawn, default one figure of each kind that the scene has data for"
+    )
+
+
+def error_interval(settings: Mapping[str, Any]) -> float:
+    """Error interval [s] of a scene that gives none."""
+    return settings["duration"] / ERROR_SAMPLES
+
+
+def known_names(what: str, names: Iterable[str]) -> str:
+    """What is allowed where a scene lacks a sampling or the like that is asked for."""
+    allowed = ", ".join(names)
+    return f"the scene has no such {what}; {f'allowed are {allowed}' if allowed else 'it has none'}"
