@@ -33,6 +33,7 @@ from sphpod.config.scene_section import (
     error_interval,
     known_names,
 )
+from sphpod.config.sizes import check_sizes
 from sphpod.config.stability_section import resolved_stability
 from sphpod.reduced import snapshots
 from sphpod.reference import exact
@@ -53,8 +54,9 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
 
     Returns
     -------
-    The resolved settings, of plain JSON types: ``output`` ("" if there is none), ``scenes``,
-    ``illustrations``, ``claims``, ``benchmark``, ``stability``, ``studies``. Every scene has
+    The resolved settings, of plain JSON types: ``output`` ("" if there is none), ``memory``,
+    ``scenes`` (``defaults`` are in them), ``illustrations``, ``claims``, ``benchmark``,
+    ``stability``, ``studies``. Every scene has
     ``section``, ``error_interval``, ``references``, ``samplings`` (each with ``mode_counts`` as
     text), ``acceleration`` and ``figures`` (each with ``name`` and ``caption``); damping, force and
     interface stay away where a scene has none.
@@ -67,28 +69,44 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     settings: dict[str, Any] = {}
     for source in [*map(read_yaml, paths), overrides or {}]:
         settings = merged(settings, plain(source))
+    _spread_defaults(settings)
     try:
         configuration().model_validate(settings)
     except ValidationError as error:
         raise refusals.of_models(error, settings, refusals.written_out(schema())) from None
+    settings.pop("defaults", None)
+    memory = settings.get("memory", Configuration.default_keys()["memory"])
     of_studies = settings.get("studies", {})
     resolved = {
-        **Configuration.defaults(),
+        **Configuration.default_keys(),
         **settings,
-        "scenes": {name: _resolved_scene(name, s) for name, s in settings["scenes"].items()},
+        "scenes": {
+            name: _resolved_scene(name, scene, memory) for name, scene in settings["scenes"].items()
+        },
         "illustrations": [
-            Illustration.defaults() | figure for figure in settings.get("illustrations", [])
+            Illustration.default_keys() | figure for figure in settings.get("illustrations", [])
         ],
-        "benchmark": Benchmark.defaults() | settings.get("benchmark", {}),
+        "benchmark": Benchmark.default_keys() | settings.get("benchmark", {}),
         "studies": {
-            word: section.defaults() | of_studies.get(word, {})
+            word: section.default_keys() | of_studies.get(word, {})
             for word, section in study_sections().items()
         },
     }
-    resolved["stability"] = resolved_stability(settings.get("stability", {}), resolved["scenes"])
+    resolved["stability"] = resolved_stability(
+        settings.get("stability", {}), resolved["scenes"], memory
+    )
     _name_figures(resolved)
     _check_benchmark(resolved)
     return resolved
+
+
+def _spread_defaults(settings):
+    """Give scenes the keys of ``defaults`` that they do not have."""
+    defaults, known = settings.get("defaults"), settings.get("scenes")
+    if isinstance(defaults, dict) and isinstance(known, dict):
+        for name, scene in known.items():
+            if isinstance(scene, dict):
+                known[name] = plain(defaults) | scene
 
 
 def check_modes(
@@ -139,20 +157,26 @@ def check_sampling(scene: scenes.Scene, name: str, sampling: Mapping[str, Any]) 
 # --------------------------------------------------------------------- meaning and defaults
 
 
-def _resolved_scene(name: str, settings: dict[str, Any]) -> dict[str, Any]:
+def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[str, Any]:
     """Check one scene and fill in its defaults."""
     scene = {
-        **Scene.defaults(),
+        **Scene.default_keys(),
         **settings,
         "error_interval": settings.get("error_interval", error_interval(settings)),
     }
     for key, largest in LARGEST_COUNTS.items():
+        if scene[key] > scene["duration"]:
+            most = f"it must be at most T = {checks.number(scene['duration'])}"
+            raise refusal(name, key, scene[key], most)
         if scene["duration"] / scene[key] > largest:
             least = f"at least T/{largest:g} = {scene['duration'] / largest:g} is needed"
             raise refusal(name, key, scene[key], least)
     try:
         physics = scenes.Scene.from_settings(name, scene)
+        check_sizes(physics, scene, memory)
         checks.check(physics)
+    except ConfigError:
+        raise
     except ValueError as error:
         by_default = "error_interval" not in settings and "error_interval =" in str(error)
         hint = " (this is the default T/10000; another can be set)" if by_default else ""
@@ -212,10 +236,13 @@ def _resolved_sampling(
         start, end = settings["range"]
         if not start < end <= latest:
             raise refusal(
-                name, f"{key}.range", [start, end], f"it must rise and end within T = {duration:g}"
+                name,
+                f"{key}.range",
+                [start, end],
+                f"it must rise and end within T = {checks.number(duration)}",
             )
         first, last = (scenes.whole_steps(time, step) for time in (start, end))
-        available = math.floor(last) - math.ceil(first)
+        available = max(math.floor(last) - math.ceil(first), 0)
         # Evenly spaced times may also round to the range's end, random ones never do.
         if settings["count"] > available + ("seed" not in settings):
             raise refusal(
@@ -229,7 +256,10 @@ def _resolved_sampling(
             last = max(settings[which])
             if last > latest:
                 raise refusal(
-                    name, f"{key}.{which}", last, f"it must lie within 0 and T = {duration:g}"
+                    name,
+                    f"{key}.{which}",
+                    last,
+                    f"it must lie within 0 and T = {checks.number(duration)}",
                 )
     taken = snapshots.sampling_steps(physics, settings)
     for which, steps in zip(("velocity_times", "density_times"), taken, strict=True):
@@ -285,7 +315,7 @@ def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) ->
         )
     of_what = name if sampling is None else f"{name}, snapshots {sampling}"
     drawn = FIGURES[kind]
-    return {"caption": f"{drawn.shows}: {of_what}."} | drawn.defaults() | figure
+    return {"caption": f"{drawn.shows}: {of_what}."} | drawn.default_keys() | figure
 
 
 def _check_benchmark(config: dict[str, Any]) -> None:

@@ -31,7 +31,7 @@ class Benchmark(Section):
     """How CPU times are measured."""
 
     repeats: int = Field(
-        5, ge=1, description="interleaved repetitions of every contender, default 5"
+        5, ge=1, le=10000, description="interleaved repetitions of every contender, default 5"
     )
     step_scene: str = left_out(
         description="scene of which a step of full SPH is compared with a loop of sparse products, "
@@ -57,6 +57,9 @@ class Configuration(Section):
         pattern=r"^/?[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*$",
         description="a folder without spaces or .., put before results/ and figures/",
     )
+    memory: float = Field(
+        8, gt=0, description="memory that a job may take [GB]; what would take more is refused"
+    )
     scenes: dict[SceneName, Scene] = Field(min_length=1, description="what is simulated, by name")
     illustrations: list[Illustration] = Field([], description="figures that show no result")
     claims: list[Claim] = Field(
@@ -81,6 +84,18 @@ def study_sections() -> dict[str, type[Section]]:
     return sections
 
 
+def _any_of_scene() -> type[Section]:
+    """The model of keys of a scene of which none need be there."""
+    keys: dict[str, Any] = {}
+    for key, field in Scene.model_fields.items():
+        kind: Any = field.annotation
+        for limit in field.metadata:
+            kind = Annotated[kind, limit]
+        keys[key] = kind, left_out(description=field.description)
+    about = "Keys of scenes that do not say them themselves."
+    return create_model("Defaults", __base__=Section, __doc__=about, **keys)
+
+
 @cache
 def configuration() -> type[Configuration]:
     """The model of a configuration, with the keys that studies declare in ``studies``."""
@@ -93,6 +108,10 @@ def configuration() -> type[Configuration]:
         "Configuration",
         __base__=Configuration,
         __doc__=Configuration.__doc__,
+        defaults=(
+            _any_of_scene(),
+            left_out(description="keys of scenes, for all that do not say them themselves"),
+        ),
         studies=(keys, left_out(description="keys of studies, by name")),
     )
 

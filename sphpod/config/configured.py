@@ -7,6 +7,9 @@ from typing import Any
 from sphpod.config import config
 from sphpod.scene.scene import PHYSICS_KEYS, Scene
 
+WITHOUT_LIMIT = 1e300
+"""Memory [GB] that nothing exceeds: what a program of one's own keeps is for it to say."""
+
 
 def make_scene(name: str = "scene", **settings: Any) -> Scene:
     """A scene (section 2.1) from the keys that a configuration has for it.
@@ -38,7 +41,7 @@ def make_scene(name: str = "scene", **settings: Any) -> Scene:
                 f"{f', did you mean {near[0]}?' if near else ';'} "
                 f"allowed are {', '.join(PHYSICS_KEYS)}"
             )
-    resolved = config.load([], overrides={"scenes": {name: settings}})
+    resolved = config.load([], overrides={"memory": WITHOUT_LIMIT, "scenes": {name: settings}})
     return Scene.from_settings(name, resolved["scenes"][name])
 
 

@@ -29,7 +29,7 @@ class Section(BaseModel):
     )
 
     @classmethod
-    def defaults(cls) -> dict[str, Any]:
+    def default_keys(cls) -> dict[str, Any]:
         """Keys that have a default, with it."""
         fields = cls.model_fields.items()
         return {name: copy.deepcopy(field.default) for name, field in fields if _has_default(field)}

@@ -15,6 +15,16 @@ except ImportError:
     from yaml import SafeLoader  # type: ignore[assignment]
 
 
+LARGEST_FILE = 1_000_000
+"""Bytes of a file that is read."""
+
+DEEPEST = 50
+"""How deep a file may be nested."""
+
+MOST_ENTRIES = 200_000
+"""Keys and values of a file, its aliases written out."""
+
+
 class ConfigError(ValueError):
     """A configuration, or a target asked for, that is not allowed; the message is one sentence."""
 
@@ -30,6 +40,8 @@ def shown(value: Any) -> str:
         return "(empty)"
     if isinstance(value, str):
         text = " ".join(value.split())
+        # What is text only because it stands in quotes is shown in them.
+        text = f"'{text}'" if typed(text) is not text else text
     else:
         try:
             text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, sort_keys=False)
@@ -55,11 +67,12 @@ class _StrictLoader(SafeLoader):
 for _tag, _pattern, _first in (
     ("null", r"~|null|", ["~", "n", ""]),
     ("bool", r"true|false", list("tf")),
-    ("int", r"[-+]?(0|[1-9]\d*)", list("-+0123456789")),
-    ("float", r"[-+]?(\.\d+|\d+(\.\d*)?)([eE][-+]?\d+)?", list("-+.0123456789")),
+    ("int", r"[-+]?(0|[1-9][0-9]*)", list("-+0123456789")),
+    ("float", r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?", list("-+.0123456789")),
+    ("merge", r"<<", ["<"]),
 ):
     _StrictLoader.add_implicit_resolver(
-        f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})$"), _first
+        f"tag:yaml.org,2002:{_tag}", re.compile(rf"(?:{_pattern})\Z"), _first
     )
 
 
@@ -69,10 +82,17 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     Raises
     ------
     ConfigError
-        The file cannot be read, is not YAML, or holds a key twice.
+        The file cannot be read, is not YAML, is too large or nested too deeply, or holds a key
+        twice; with the line.
     """
     try:
-        loader = _StrictLoader(Path(path).read_bytes())
+        if Path(path).is_file() and (size := Path(path).stat().st_size) > LARGEST_FILE:
+            raise ConfigError(
+                f"{path} holds {size / 1e6:.3g} MB; at most {LARGEST_FILE / 1e6:g} MB are read"
+            )
+        text = _decoded(Path(path).read_bytes(), path)
+        _check_size(text, path)
+        loader = _StrictLoader(text)
         try:
             node = loader.get_single_node()
             _check_keys(node, str(path))
@@ -81,16 +101,70 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
             loader.dispose()
     except OSError as error:
         raise ConfigError(f"{path} cannot be read ({error.strerror})") from error
-    except (yaml.YAMLError, RecursionError) as error:
+    except yaml.reader.ReaderError as error:
+        line = text.count("\n", 0, error.position) + 1
+        character = f"a control character, #x{error.character:02x}"
+        raise ConfigError(f"{path}, line {line}: this is not YAML ({character})") from None
+    except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
-        line = f", line {mark.line + 1}" if mark else ""
         problem = getattr(error, "problem", None) or str(error)
-        raise ConfigError(
-            f"{path}{line}: this is not YAML ({' '.join(problem.split())})"
-        ) from error
+        if mark and text.split("\n")[mark.line][mark.column :].startswith("\t"):
+            problem = "a tab where only spaces may be"
+        raise _not_yaml(path, mark, problem) from error
     if not isinstance(content, dict):
         raise ConfigError(f"{path} holds {shown(content)} where keys and values are needed")
     return content
+
+
+def _not_yaml(path, mark, problem):
+    line = f", line {mark.line + 1}" if mark else ""
+    return ConfigError(f"{path}{line}: this is not YAML ({' '.join(problem.split())})")
+
+
+def _decoded(content, path):
+    """The text of a file, without the mark that some editors begin UTF-8 with."""
+    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
+        raise ConfigError(f"{path}, line 1: this is UTF-16; UTF-8 is needed")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = content.count(b"\n", 0, error.start) + 1
+        byte = content[error.start]
+        raise ConfigError(
+            f"{path}, line {line}: the byte 0x{byte:02x} is not UTF-8, which is needed"
+        ) from None
+
+
+def _check_size(text, path):
+    """Refuse what would grow without end, or be nested without end, before it is built."""
+    sizes: dict[str, int] = {}
+    within: list[tuple[str | None, int]] = []
+    size = 0
+    event: Any
+    for event in yaml.parse(text, Loader=_StrictLoader):
+        mark = event.start_mark
+        if getattr(event, "tag", None) and not isinstance(event, yaml.DocumentStartEvent):
+            tag = event.tag.replace("tag:yaml.org,2002:", "!!")
+            raise _not_yaml(path, mark, f"tags such as {tag} are not known here")
+        if isinstance(event, yaml.AliasEvent):
+            if any(anchor == event.anchor for anchor, _ in within):
+                raise _not_yaml(path, mark, f"*{event.anchor} refers to what it is part of")
+            size += sizes.get(str(event.anchor), 1)
+        elif isinstance(event, yaml.ScalarEvent):
+            size += 1
+            if event.anchor:
+                sizes[event.anchor] = 1
+        elif isinstance(event, yaml.CollectionStartEvent):
+            within.append((event.anchor, size))
+            size += 1
+            if len(within) > DEEPEST:
+                raise _not_yaml(path, mark, f"nested more than {DEEPEST} deep")
+        elif isinstance(event, yaml.CollectionEndEvent):
+            anchor, before = within.pop()
+            if anchor:
+                sizes[anchor] = size - before
+        if size > MOST_ENTRIES:
+            raise _not_yaml(path, mark, f"with its aliases it has more than {MOST_ENTRIES} entries")
 
 
 def _check_keys(node: yaml.Node | None, source: str, path: tuple[str, ...] = ()) -> None:
@@ -105,8 +179,11 @@ def _check_keys(node: yaml.Node | None, source: str, path: tuple[str, ...] = ())
         seen = set()
         for key_node, value in node.value:
             line = key_node.start_mark.line + 1
+            if key_node.tag.endswith(":merge"):
+                continue
             if not key_node.tag.endswith(":str"):
-                name = shown(key_node.value)
+                scalar = isinstance(key_node, yaml.ScalarNode)
+                name = shown(key_node.value) if scalar else "of several entries"
                 raise ConfigError(f"{source}, line {line}: the key {name} is not text")
             name = key_node.value
             if name in seen:
@@ -117,6 +194,19 @@ def _check_keys(node: yaml.Node | None, source: str, path: tuple[str, ...] = ())
                 )
             seen.add(name)
             _check_keys(value, source, (*path, name))
+
+
+def typed(value: Any) -> Any:
+    """Settings of a command line, in which Snakemake takes all that lies deeper for text."""
+    if isinstance(value, Mapping):
+        return {key: typed(item) for key, item in value.items()}
+    if isinstance(value, list):
+        return [typed(item) for item in value]
+    if isinstance(value, str) and value:
+        tag = _StrictLoader("").resolve(yaml.ScalarNode, value, (True, False))
+        if tag.endswith((":bool", ":int", ":float")):
+            return yaml.load(value, _StrictLoader)
+    return value
 
 
 def plain(value: Any) -> Any:

@@ -10,6 +10,7 @@ from sphpod.config.fields import ModeCount, Name, SamplingName, SceneName, Secti
 from sphpod.config.mode_counts import check_count
 from sphpod.config.reading import ConfigError, refusal
 from sphpod.config.scene_section import Scene, error_interval, known_names
+from sphpod.config.sizes import check_sizes
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
 from sphpod.scene.kernel import neighbour_count
@@ -32,28 +33,38 @@ class LongRun(Section):
     mode_count: ModeCount
 
 
-Factors = Annotated[list[Annotated[int, Field(ge=1)]], Unique()]
+LONGEST_HORIZON = 1_000_000
+"""Durations of a scene over which a run may be followed."""
+
+Horizons = Annotated[list[Annotated[int, Field(ge=1, le=LONGEST_HORIZON)]], Unique()]
+ModeCounts = Annotated[list[ModeCount], Unique()]
 Sampled = dict[Name, SamplingName]
 
 
 class Stability(Section):
     """How stability is studied."""
 
-    mode_counts: Factors = Field(
+    mode_counts: ModeCounts = Field(
         [4, 8, 12],
         min_length=1,
         description="numbers of modes of reduced models that are stepped, default 4, 8 and 12",
     )
     random_bases: int = Field(
-        10_000, ge=1, description="number of random bases of every scene, default 10000"
+        10_000,
+        ge=1,
+        le=10_000_000,
+        description="number of random bases of every scene, default 10000",
     )
-    horizon_factors: Factors = Field(
+    horizon_factors: Horizons = Field(
         [1, 10],
         min_length=1,
         description="durations over which explicit Euler is followed, in those of a scene",
     )
     energy_horizon_factor: int = Field(
-        100, ge=1, description="duration over which energies are followed, in that of a scene"
+        100,
+        ge=1,
+        le=LONGEST_HORIZON,
+        description="duration over which energies are followed, in that of a scene",
     )
     smoothing_ratios: Annotated[list[Annotated[float, Field(gt=1)]], Unique()] = Field(
         [1.04, 1.06, 1.2],
@@ -67,6 +78,7 @@ class Stability(Section):
     amplitude_count: int = Field(
         12,
         ge=3,
+        le=1000,
         description="amplitudes of the initial velocity, up to the one at which the scene folds, "
         "default 12",
     )
@@ -89,13 +101,15 @@ class Stability(Section):
     )
 
 
-def resolved_stability(settings: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
+def resolved_stability(
+    settings: dict[str, Any], known: dict[str, Any], memory: float
+) -> dict[str, Any]:
     """Check what is asked of stability; studies are of the first sampled scene if none is named."""
     first = {name: next(iter(s["samplings"])) for name, s in known.items() if s["samplings"]}
     moving = {n: s for n, s in first.items() if _strains(scenes.Scene.from_settings(n, known[n]))}
     usual = dict(list(first.items())[:1])
     stability: dict[str, Any] = {
-        **Stability.defaults(),
+        **Stability.default_keys(),
         **dict.fromkeys(STABILITY_STUDIES, usual),
         "amplitude": dict(list(moving.items())[:1]),
         **settings,
@@ -123,7 +137,7 @@ def resolved_stability(settings: dict[str, Any], known: dict[str, Any]) -> dict[
                 )
     _check_runs(stability, known)
     stability["scenes"] = {
-        name: _edge_scene(name, scene, known) for name, scene in stability["scenes"].items()
+        name: _edge_scene(name, scene, known, memory) for name, scene in stability["scenes"].items()
     }
     return stability
 
@@ -163,7 +177,9 @@ def _check_runs(stability: Mapping[str, Any], known: Mapping[str, Any]) -> None:
         )
 
 
-def _edge_scene(name: str, settings: dict[str, Any], others: Mapping[str, Any]) -> dict[str, Any]:
+def _edge_scene(
+    name: str, settings: dict[str, Any], others: Mapping[str, Any], memory: float
+) -> dict[str, Any]:
     """A scene at the edge, which explicit Euler need not be able to step."""
     key = f"stability.scenes.{name}"
     if name in others:
@@ -174,7 +190,11 @@ def _edge_scene(name: str, settings: dict[str, Any], others: Mapping[str, Any]) 
             raise refusal(None, f"{key}.{given}", value, f"unknown here; allowed are {allowed}")
     scene = {"error_interval": error_interval(settings), **settings}
     try:
-        checks.check_setting(scenes.Scene.from_settings(name, scene))
+        physics = scenes.Scene.from_settings(name, scene)
+        check_sizes(physics, scene, memory)
+        checks.check_setting(physics)
+    except ConfigError:
+        raise
     except ValueError as error:
         raise ConfigError(str(error)) from error
     return scene

@@ -59,6 +59,14 @@ def _steps() -> Iterator[int]:
     raise OverflowError(f"its sums run over more than {LONGEST_SUM} values")
 
 
+def _taken(steps: Iterator[int]) -> int:
+    """How many steps have been taken, at least one."""
+    try:
+        return max(next(steps), 1)
+    except OverflowError:
+        return LONGEST_SUM
+
+
 # What becomes a call, and of what. Comparisons and logic give the numbers 1 and 0, so that they may
 # enter arithmetic. Other operators do with arrays what they do with numbers.
 CALLED: dict[type[ast.AST], Callable[..., Any]] = {
@@ -228,6 +236,11 @@ class Expression:
     variables : names of its arguments, such as ``("x",)``
     constants : further names and their values, such as ``{"L": 1.0, "T": 10.0}``; pi is known
 
+    Attributes
+    ----------
+    terms : int
+        How many terms all its sums have together, or 1.
+
     Raises
     ------
     ValueError
@@ -252,11 +265,14 @@ class Expression:
         except SyntaxError:
             refusal = "it is not an expression"
         except (ValueError, MemoryError, RecursionError):
-            refusal = "it is too long, or nested too deeply"
+            nul = "\0" in self.text
+            refusal = "it holds a NUL" if nul else "it is too long, or nested too deeply"
         if refusal:
             raise self._error(refusal)
         # Faults that only evaluation shows, such as sin(1, 2, 3), are to appear here too.
-        self(**{name: np.ones(2) for name in variables})
+        left = _steps()
+        self._evaluated(left, [np.ones(2) for _ in variables])
+        self.terms = _taken(left)
 
     def __repr__(self) -> str:
         return f"Expression({self.text!r}, {self.variables!r})"
@@ -281,11 +297,14 @@ class Expression:
             The expression cannot be evaluated.
         """
         values = [np.asarray(arrays[name], dtype=np.float64) for name in self.variables]
+        return self._evaluated(_steps(), values)
+
+    def _evaluated(self, steps, values):
         result = np.empty(np.broadcast(*values).shape)
         try:
             with np.errstate(all="ignore"):
                 # A value without an axis would be taken for a constant.
-                result[...] = self._function(_steps(), *map(np.atleast_1d, values))
+                result[...] = self._function(steps, *map(np.atleast_1d, values))
         except Exception as error:  # whatever Python and numpy make of a strange expression
             reason = " ".join(str(error).split()).rstrip(".")
             raise self._error(f"it cannot be evaluated ({reason})") from error

@@ -3,12 +3,27 @@
 import numpy as np
 
 from sphpod.numerics.enclosure import enclose
-from sphpod.scene.kernel import neighbour_count
+from sphpod.scene.kernel import derivative_coefficient, neighbour_count
 from sphpod.scene.scene import Scene, is_whole
 from sphpod.scene.waves import GROWTH_LIMIT, growth_factor, largest_time_step
 
 MOVING = (1e-140, 1e140)
 """Sizes in SI units of what moves a scene, so that sums of squares neither overflow nor vanish."""
+
+MEASURES = (1e-100, 1e100)
+"""Sizes in SI units of lengths and times, so that no square or cube of them is lost."""
+
+LEAST_DERIVATIVE = 0.01
+"""Least derivative coefficient: below it particles hardly see each other."""
+
+POINTS = 8, 400_000
+"""Points that a profile is checked at, for each particle, but not more than so many in all."""
+
+MOST_PAIRS = {True: 100_000_000, False: 5_000_000}
+"""Neighbours on one side of all particles together: evenly spaced ones, and others."""
+
+MOST_TERMS = 25_000_000
+"""Terms of the sums of a profile at all particles together, or of a force at all times."""
 
 
 def check(scene: Scene) -> None:
@@ -30,7 +45,7 @@ def check_step(scene: Scene) -> None:
         factor = f"up to {growth:.3g}" if np.isfinite(growth) else "1e308 or more"
         step = 0.995 * largest_time_step(scene, GROWTH_LIMIT)  # not rounded beyond it
         raise ValueError(
-            f"scene {scene.name}: time_step = {scene.time_step:g}: "
+            f"scene {scene.name}: time_step = {number(scene.time_step)}: "
             f"explicit Euler would let waves grow by {factor} over the duration; "
             f"at most {GROWTH_LIMIT:g} is allowed, which a time step of {step:.3g} or less keeps"
         )
@@ -42,47 +57,70 @@ def check_setting(scene: Scene) -> None:
     def refuse(key, value, allowed):
         raise ValueError(f"scene {scene.name}: {key} = {value}: {allowed}")
 
-    for key in ("domain_length", "duration", "time_step", "error_interval", "smoothing_ratio"):
+    for key in ("domain_length", "duration", "time_step", "error_interval"):
         value = getattr(scene, key)
-        if not (np.isfinite(value) and value > 0):
-            refuse(key, f"{value:g}", "it must be a positive number")
+        low, high = MEASURES
+        if not low <= value <= high:
+            refuse(key, number(value), f"it must be from {low:g} to {high:g}")
+    if not scene.smoothing_ratio > 0:
+        refuse("smoothing_ratio", number(scene.smoothing_ratio), "it must be a positive number")
     count = scene.particle_count
     if count < 5:
         refuse("particle_count", count, "at least 5 particles are needed")
     for key, value in (("duration", scene.duration), ("error_interval", scene.error_interval)):
         if not is_whole(value, scene.time_step):
             refuse(
-                key, f"{value:g}", f"it must be a whole number of time steps of {scene.time_step:g}"
+                key,
+                number(value),
+                f"it must be a whole number of time steps of {number(scene.time_step)}",
             )
     if scene.step_count % scene.error_stride:
         refuse(
             "error_interval",
-            f"{scene.error_interval:g}",
-            f"the duration {scene.duration:g} must be a whole number of error intervals",
+            number(scene.error_interval),
+            f"the duration {number(scene.duration)} must be a whole number of error intervals",
         )
     if neighbour_count(scene.smoothing_ratio) < 1:
         refuse(
             "smoothing_ratio",
-            f"{scene.smoothing_ratio:g}",
+            number(scene.smoothing_ratio),
             "it must be above 0.5, or a particle has no neighbour within 2h",
         )
     if 2 * neighbour_count(scene.smoothing_ratio) + 1 > count:
         refuse(
             "smoothing_ratio",
-            f"{scene.smoothing_ratio:g}",
+            number(scene.smoothing_ratio),
             f"the kernel's support of 4h wraps round the domain of {count} particles; "
             f"at most {((count - 1) // 2 + 1) / 2:g} is possible",
         )
+    neighbours, most = neighbour_count(scene.smoothing_ratio), MOST_PAIRS[scene.is_even] // count
+    if neighbours > most:
+        refuse(
+            "smoothing_ratio",
+            number(scene.smoothing_ratio),
+            f"each of {count} particles would have {neighbours} neighbours on each side; at most "
+            f"{most} are allowed",
+        )
+    coefficient = derivative_coefficient(scene.smoothing_ratio)
+    if coefficient < LEAST_DERIVATIVE:
+        refuse(
+            "smoothing_ratio",
+            number(scene.smoothing_ratio),
+            f"particles would hardly see each other, as the SPH derivative is {coefficient:.2g} of "
+            "the true one; from 0.52 on it is large enough",
+        )
     if not 0 <= scene.jitter < 0.5:
-        refuse("positions.jitter", f"{scene.jitter:g}", "it must be from 0 to below 0.5 spacings")
+        refuse("positions.jitter", number(scene.jitter), "it must be from 0 to below 0.5 spacings")
     if not scene.is_even and 4 * scene.smoothing_ratio > count:
         refuse(
             "smoothing_ratio",
-            f"{scene.smoothing_ratio:g}",
+            number(scene.smoothing_ratio),
             f"of jittered particles the kernel's support of 4h must fit into the domain; "
             f"at most {count / 4:g} is possible",
         )
-    fine = np.arange(8 * count) * (scene.spacing / 8)
+    _check_work(scene, refuse)
+    parts = max(1, min(POINTS[0], POINTS[1] // count))
+    fine = np.arange(parts * count) * (scene.spacing / parts)
     velocity = scene.initial_velocity(x=fine)
     _check_values(scene, "initial_velocity", velocity, fine, refuse)
     _check_moving("initial_velocity", scene.initial_velocity.text, velocity, refuse)
@@ -119,6 +157,27 @@ def check_setting(scene: Scene) -> None:
             profile = scene.force_profile(x=fine)
             _check_values(scene, "force.profile", profile, fine, refuse)
             _check_moving("force.profile", scene.force_profile.text, profile, refuse)
+
+
+def number(value: float) -> str:
+    """A number in short, but with all digits that tell it from others."""
+    short = f"{value:g}"
+    return short if float(short) == value else repr(value)
+
+
+def _check_work(scene, refuse):
+    """Refuse sums of so many terms that to check them alone would take long."""
+    profiles = ("initial_velocity", "initial_density", "youngs_modulus", "damping", "force_profile")
+    places = [(key, scene.particle_count, "particles") for key in profiles]
+    for key, times, what in [*places, ("force_time", scene.error_steps.size, "times")]:
+        expression = getattr(scene, key)
+        if expression is not None and expression.terms * times > MOST_TERMS:
+            most = max(1, MOST_TERMS // times)
+            refuse(
+                key.replace("_time", "").replace("force_", "force."),
+                expression.text,
+                f"its sums have {expression.terms} terms; at {times} {what}, {most} are allowed",
+            )
 
 
 def _check_moving(key, text, values, refuse):

@@ -48,7 +48,7 @@ def kernel_gradient(x, h):
 
 def neighbour_count(smoothing_ratio):
     """Number of neighbours on each side of an evenly spaced particle: those closer than 2h."""
-    return int(np.ceil(2 * smoothing_ratio - 1e-12)) - 1
+    return int(min(np.ceil(2 * smoothing_ratio - 1e-12), 2.0**53)) - 1
 
 
 def stencil_weights(spacing, smoothing_ratio):

@@ -34,6 +34,9 @@ PHYSICS_KEYS = (
 MOMENTUM = 1e-12
 """Part of Σ m |v0| from which the total momentum Σ m v0 is not taken for rounding."""
 
+MOST_STEPS = 10**15
+"""Time steps up to which a time is a whole number of them."""
+
 ABSENT = np.zeros(0)
 """Stands for a damping or force that a scene does not have."""
 
@@ -324,7 +327,7 @@ def whole_steps(time: float, time_step: float) -> float:
 
 def whole_time(time: float, time_step: float) -> float:
     """The time [s] of a whole number of steps that a time is to a part in 1e9, else the time."""
-    if not is_whole(time, time_step):
+    if not is_whole(time, time_step) or time / time_step > MOST_STEPS:
         return time
     return float(step_times(time_step, np.array([round(time / time_step)]))[0])
 

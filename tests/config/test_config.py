@@ -710,7 +710,7 @@ def test_one_mode_is_no_range(load):
 
 def test_sizes_of_the_benchmark_by_default(load):
     benchmark = load(wave())["benchmark"]
-    assert benchmark == configuration.Benchmark.defaults()
+    assert benchmark == configuration.Benchmark.default_keys()
     given = load(wave() | {"benchmark": {"particle_counts": [13, 1e2]}})["benchmark"]
     assert given == benchmark | {"particle_counts": [13, 100]}
 

@@ -1,6 +1,7 @@
 """Figures of stability show predictions beside measurements, and hide nothing of either."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest

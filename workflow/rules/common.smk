@@ -21,6 +21,7 @@ from sphpod.config.config import (
     load,
 )
 from sphpod.config.mode_counts import parse_modes, parse_tolerance, usual_sweep
+from sphpod.config.reading import typed
 from sphpod.scene.kernel import derivative_coefficient
 from sphpod.scene.scene import PHYSICS_KEYS, Scene
 from sphpod.studies.study import studies as declared_studies
@@ -40,7 +41,7 @@ try:
     # A configuration that is asked for replaces the paper's; `configfile:` would merge the two.
     CONFIG = load(
         workflow.overwrite_configfiles or [ROOT / "config/config.yaml"],
-        overrides=workflow.config_settings.config,
+        overrides=typed(workflow.config_settings.config),
     )
     CLAIMS = claims.resolve(CONFIG)
 except ConfigError as error:
