@@ -4,11 +4,17 @@ BIN := .venv/bin
 LINT := .venv-lint/bin
 PEERS := .venv-peers/bin
 
-.PHONY: figures peers test lint format reference pins clean
+.PHONY: figures check peers test lint format reference pins clean
 
-# Every figure, error and claim of the paper
+# Every figure, error and claim of the paper; or of another configuration: make figures CONFIG=...
+CONFIG ?=
 figures: .venv/ready
-	$(BIN)/snakemake --cores 2
+	$(if $(CONFIG),$(BIN)/python -m sphpod check $(CONFIG))
+	$(BIN)/snakemake --cores 2 $(if $(CONFIG),--configfile $(CONFIG))
+
+# What is wrong with a configuration, or what it asks for
+check: .venv/ready
+	$(BIN)/python -m sphpod check $(or $(CONFIG),config/config.yaml)
 
 # Other tools on one of the scenes, in an environment of their own: results/peers.md
 peers: .venv-peers/ready
@@ -45,7 +51,7 @@ pins:
 clean:
 	rm -rf results figures/*.pdf figures/*.png report.html .snakemake
 
-CHECK_PYTHON = $(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed: make PYTHON=..." if sys.version_info < (3, 11) else 0)'
+CHECK_PYTHON = $(PYTHON) -c 'import os, sys; sys.exit("Python 3.11 or newer is needed: make PYTHON=..." if sys.version_info < (3, 11) else "This folder has a space in its path, with which Snakemake runs no scripts: move it" if len(os.getcwd().split()) > 1 else 0)'
 
 # The environment, made anew only when its list of packages has changed
 .venv/ready: environment.txt

@@ -54,8 +54,10 @@ class Configuration(Section):
 
     output: str = Field(
         "",
-        pattern=r"^/?[A-Za-z0-9_][A-Za-z0-9_.-]*(/[A-Za-z0-9_][A-Za-z0-9_.-]*)*$",
-        description="a folder without spaces or .., put before results/ and figures/",
+        pattern=r"^(?!.*?(.+?)\1{18})(?!-)(/?(?!\.\.?(/|$))[A-Za-z0-9_.-]{1,200})+$(?!\n)",
+        max_length=1000,
+        description="a folder of letters, digits, dots, hyphens and underscores, none of them . or "
+        ".., put before results/ and figures/",
     )
     memory: float = Field(
         8, gt=0, description="memory that a job may take [GB]; what would take more is refused"

@@ -80,14 +80,21 @@ def shape(value: Any) -> str | None:
 
 BY_SHAPE = Discriminator(shape)
 
+# Snakemake takes what stands twenty times in a row for a rule that feeds on itself; a name may be a
+# part of the name of a file, which may have 255 letters.
+_CALM = r"(?!.*?(.+?)\1{18})"
+_LENGTHS = "up to 60 of them, nothing 19 times in a row"
 NAMES = {
-    r"^[a-z][a-z0-9_]*$": "lower-case letters, digits and underscores, a letter first",
-    r"^(?!(logs|figures)$)[a-z][a-z0-9_]*$": (
-        "lower-case letters, digits and underscores, a letter first, but not logs or figures, "
-        "which are folders of logs"
+    rf"^{_CALM}[a-z][a-z0-9_]{{0,59}}$(?!\n)": (
+        f"lower-case letters, digits and underscores, a letter first, {_LENGTHS}"
     ),
-    r"^[A-Za-z0-9][A-Za-z0-9_.-]*$": (
-        "letters, digits, dots, hyphens and underscores (the name of a file)"
+    rf"^{_CALM}(?!(logs|figures)$)[a-z][a-z0-9_]{{0,59}}$(?!\n)": (
+        f"lower-case letters, digits and underscores, a letter first, {_LENGTHS}, "
+        "but not logs or figures, which are folders of logs"
+    ),
+    rf"^{_CALM}[A-Za-z0-9][A-Za-z0-9_.-]{{0,199}}$(?!\n)": (
+        "letters, digits, dots, hyphens and underscores (the name of a file), up to 200 of them, "
+        "nothing 19 times in a row"
     ),
 }
 """What names may be, by the pattern that they match."""

@@ -40,8 +40,6 @@ def shown(value: Any) -> str:
         return "(empty)"
     if isinstance(value, str):
         text = " ".join(value.split())
-        # What is text only because it stands in quotes is shown in them.
-        text = f"'{text}'" if typed(text) is not text else text
     else:
         try:
             text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, sort_keys=False)
@@ -108,7 +106,8 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or str(error)
-        if mark and text.split("\n")[mark.line][mark.column :].startswith("\t"):
+        at = "\n".join(text.split("\n")[mark.line :])[mark.column :] if mark else ""
+        if at.startswith("\t"):
             problem = "a tab where only spaces may be"
         raise _not_yaml(path, mark, problem) from error
     if not isinstance(content, dict):

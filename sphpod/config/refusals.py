@@ -8,7 +8,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from sphpod.config.fields import NAMES
-from sphpod.config.reading import ConfigError, refusal, scene_and_key
+from sphpod.config.reading import ConfigError, refusal, scene_and_key, typed
 
 KINDS = {
     "object": "keys and values",
@@ -66,9 +66,14 @@ def _sentence(schema, settings, place, kind) -> Sentence:
         return 1, path, value, f"allowed are {', '.join(choices(node))}"
     if kind == "string_pattern_mismatch":
         return 1, path, value, f"allowed are {NAMES.get(node['pattern'], node['description'])}"
+    if kind == "string_too_long":
+        return 1, path, value, f"it must have at most {node['maxLength']} letters"
     if kind == "unique_items":
         return 1, path, value, f"no entry may stand twice{_about(node)}"
-    return 1, path, value, f"it must {_limit(kind, node, value)}{_about(node)}"
+    allowed = f"it must {_limit(kind, node, value)}{_about(node)}"
+    # What is text only because it stands in quotes is shown in them.
+    quoted = isinstance(value, str) and not isinstance(typed(value), str)
+    return 1, path, f"'{value}'" if quoted else value, allowed
 
 
 def _walk(settings, place):

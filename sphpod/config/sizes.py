@@ -73,7 +73,7 @@ def sizes(scene: Scene, settings: Mapping[str, Any]) -> Iterator[Size]:
             f"the force in {steps} time steps",
         )
     for name, sampling in settings.get("samplings", {}).items():
-        taken = mode_limit({**settings, "particle_count": 2**62}, name)
+        taken = mode_limit({**settings, "particle_count": scene.step_count + 1}, name)
         yield Size(
             f"samplings.{name}",
             {key: value for key, value in sampling.items() if key in ("range", "count")},

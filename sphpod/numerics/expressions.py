@@ -265,8 +265,9 @@ class Expression:
         except SyntaxError:
             refusal = "it is not an expression"
         except (ValueError, MemoryError, RecursionError):
-            nul = "\0" in self.text
-            refusal = "it holds a NUL" if nul else "it is too long, or nested too deeply"
+            refusal = "it is too long, or nested too deeply"
+        if "\0" in self.text:
+            refusal = "it holds a NUL"
         if refusal:
             raise self._error(refusal)
         # Faults that only evaluation shows, such as sin(1, 2, 3), are to appear here too.

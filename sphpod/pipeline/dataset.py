@@ -5,8 +5,10 @@ means. Files are written whole or not at all, the same arrays and attributes alw
 bytes, and a file is only read if its bytes are those that were written.
 """
 
+import errno
 import json
 import os
+import shutil
 import sys
 import zlib
 from collections.abc import Iterator, Mapping
@@ -17,10 +19,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 from uuid import uuid4
 
-import netCDF4
 import numpy as np
 
 from sphpod import __version__
+
+# Files are written whole, and renamed: no lock is needed, and some file systems have none.
+os.environ.setdefault("HDF5_USE_FILE_LOCKING", "FALSE")
+
+import netCDF4
 
 if TYPE_CHECKING:
     import pandas
@@ -35,6 +41,9 @@ LENGTH_DIGITS = 12
 CHECKSUM_DIGITS = 10
 CHUNK = 1 << 20
 """How a file ends, and how much of it is read at a time for its checksum: bytes."""
+
+LEAST_FREE = 1_000_000
+"""Bytes that a disk has left which is full when a file cannot be written."""
 
 ENERGY_ROOT = "kg0.5 s-1"
 """Unit of the root of an energy on a unit of cross-section, J/m²."""
@@ -472,5 +481,11 @@ def whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     try:
         yield partial
         partial.replace(path)
+    except (OSError, RuntimeError) as error:
+        # NetCDF reports a full disk as an error of HDF, or as a lack of permission.
+        free = shutil.disk_usage(path.parent).free
+        if getattr(error, "errno", None) == errno.ENOSPC or free < LEAST_FREE:
+            raise OSError(f"{path}: the disk is full, with {free} bytes left") from error
+        raise
     finally:
         partial.unlink(missing_ok=True)

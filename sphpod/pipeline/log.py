@@ -21,6 +21,8 @@ def start(path: str | os.PathLike[str]) -> None:
         format="%(levelname)s %(name)s: %(message)s",
     )
     logging.captureWarnings(True)
+    # On a full disk the log itself cannot be written: what failed is said once, by `_report`.
+    logging.raiseExceptions = False
     # Of each font in each figure it has a hundred lines to say.
     logging.getLogger("fontTools").setLevel(logging.WARNING)
     terminal = logging.StreamHandler(sys.stderr)

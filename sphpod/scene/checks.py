@@ -61,7 +61,7 @@ def check_setting(scene: Scene) -> None:
         value = getattr(scene, key)
         low, high = MEASURES
         if not low <= value <= high:
-            refuse(key, number(value), f"it must be from {low:g} to {high:g}")
+            refuse(key, number(value), f"it must be a positive number from {low:g} to {high:g}")
     if not scene.smoothing_ratio > 0:
         refuse("smoothing_ratio", number(scene.smoothing_ratio), "it must be a positive number")
     count = scene.particle_count

@@ -427,7 +427,7 @@ def test_refused_with_scene_key_value_and_what_is_allowed(load, changes, parts):
     [
         (wave() | {"sceens": {}}, ["sceens = {}", "unknown key", "did you mean scenes"]),
         (wave() | {"output": "../elsewhere"}, ["output = ../elsewhere", "a folder"]),
-        (wave() | {"output": "/else where"}, ["output = /else where", "without spaces"]),
+        (wave() | {"output": "/else where"}, ["output = /else where", "a folder of letters"]),
         (
             wave() | {"benchmark": {"step_scene": "none"}},
             ["benchmark.step_scene = none", "allowed are wave"],

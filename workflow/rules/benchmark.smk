@@ -13,7 +13,7 @@ rule cpu_time:
     log:
         "<logs>/{scene}/{sampling}/cpu_time.log",
     priority: 1  # one after another, before what could run beside them in pairs
-    threads: lambda wildcards: workflow.cores
+    threads: lambda wildcards: workflow.cores or 1
     params:
         **computed(
             "studies.timing.compare",

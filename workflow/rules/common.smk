@@ -48,6 +48,12 @@ except ConfigError as error:
     stop(error)
 
 OUTPUT = Path(CONFIG["output"])
+for folder in (OUTPUT / part for part in ("results/logs", "figures")):
+    for above in (folder, *folder.parents):
+        if above.exists() and not above.is_dir():
+            stop(f"output = {OUTPUT}: {above} is a file; it must be a folder, or nothing yet")
+if len(sys.executable.split()) > 1:
+    stop(f"{sys.executable} has a space in its path, which scripts of Snakemake cannot be run with")
 SCENES = CONFIG["scenes"]
 FIGURES = {figure["name"]: figure for figure in CONFIG["illustrations"]} | {
     figure["name"]: {"scene": name, "section": scene["section"], **figure}
@@ -541,4 +547,11 @@ def drawing_function(wildcards):
 
 def figure_category(wildcards):
     section = ALL_FIGURES[wildcards.name]["section"]
-    return f"Section {section}" if section[:1].isdigit() else section
+    shown = f"Section {section}" if section[:1].isdigit() else section
+    return shown.replace("{", "{{").replace("}", "}}")
+
+
+def figure_caption(wildcards):
+    """The caption as text: in a report, reStructuredText would act on what it says."""
+    words = " ".join(ALL_FIGURES[wildcards.name]["caption"].split())
+    return re.sub(r"([^\w\s])", r"\\\1", words)

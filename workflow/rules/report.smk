@@ -16,7 +16,7 @@ rule figure:
     params:
         draw=drawing_function,
         options=figure_options,
-        caption=lambda wildcards: ALL_FIGURES[wildcards.name]["caption"],
+        caption=figure_caption,
         code=lambda wildcards: provenance.digest(drawing_function(wildcards)),
     message:
         "Figure {wildcards.name}"

@@ -15,7 +15,7 @@ for word, study in STUDIES.items():
                 path_of(name, wildcards_of(data), "<logs>", "log"),
             wildcard_constraints:
                 modes=r"[1-9]\d*",
-            threads: lambda wildcards, data=data: workflow.cores if data.alone else 1
+            threads: lambda wildcards, data=data: (workflow.cores or 1) if data.alone else 1
             params:
                 **computed(
                     data.compute,

@@ -1,0 +1,7 @@
+"""``python -m sphpod`` is the command ``sphpod``."""
+
+import sys
+
+from sphpod.command import main
+
+sys.exit(main())
