@@ -37,7 +37,7 @@ PARALLEL = 0.12
 COSINE_TOLERANCE = 0.05
 """How far a cosine may lie beyond what it should be, as no three grids are quite regular."""
 
-TIME_PARTS, PART_TIMES = 8, 4
+TIME_PARTS, PART_TIMES = 4, 4
 """Parts of the time in each of which errors must fall, and the least number of times in one."""
 
 CELL_PARTS = 8
