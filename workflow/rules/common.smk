@@ -412,7 +412,8 @@ def known(what, name, names):
     if name not in names:
         near = difflib.get_close_matches(name, names, n=1)
         meant = f"did you mean {near[0]}? " if near else ""
-        stop(f"{what} = {name}: {meant}allowed are {', '.join(names)}")
+        allowed = f"allowed are {', '.join(names)}" if names else "there is none"
+        stop(f"{what} = {name}: {meant}{allowed}")
     return []
 
 
