@@ -23,7 +23,7 @@ from sphpod.config.configuration import (
     schema,
     study_sections,
 )
-from sphpod.config.fields import Name
+from sphpod.config.fields import SETTINGS, Name
 from sphpod.config.mode_counts import check_count, usual_sweep
 from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
 from sphpod.config.scene_section import (
@@ -145,7 +145,7 @@ def check_sampling(scene: scenes.Scene, name: str, sampling: Mapping[str, Any]) 
     samplings = {name: plain(sampling)}
     settings: dict[str, Any] = {"samplings": samplings}
     try:
-        TypeAdapter(dict[Name, AnySampling]).validate_python(samplings)
+        TypeAdapter(dict[Name, AnySampling], config=SETTINGS).validate_python(samplings)
     except ValidationError as error:
         within = "scenes", scene.name, "samplings"
         every = {"scenes": {scene.name: settings}}

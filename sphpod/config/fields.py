@@ -16,16 +16,15 @@ def _described(schema, section):
     schema["description"] = line[0].lower() + line[1:]
 
 
-class Section(BaseModel):
-    """A block of keys: unknown ones are errors, and nothing is taken for what it is not."""
+SETTINGS = ConfigDict(strict=True, allow_inf_nan=False, regex_engine="python-re")
+"""Nothing is taken for what it is not; patterns are those of Python."""
 
-    model_config = ConfigDict(
-        json_schema_extra=_described,
-        extra="forbid",
-        strict=True,
-        allow_inf_nan=False,
-        regex_engine="python-re",
-        protected_namespaces=(),
+
+class Section(BaseModel):
+    """A block of keys, of which unknown ones are errors."""
+
+    model_config = SETTINGS | ConfigDict(
+        extra="forbid", json_schema_extra=_described, protected_namespaces=()
     )
 
     @classmethod

@@ -234,7 +234,7 @@ def table(
             findings.append(CRITERIA[one["kind"]].decide(places, claim, **thresholds))
             models = (data for place in places for data in place.values())
             near = [near_rounding(data) for data in models if "modes_resolved" in data]
-            unresolved |= dict.fromkeys(text for text in near if text != "-")
+            unresolved |= dict.fromkeys(text for text in near if text)
         holds = all(bool(finding.holds) for finding in findings)
         reproduced = _cell(findings[0].measured)
         if claim["paper"] == "yes":
@@ -243,7 +243,7 @@ def table(
         difference = findings[0].difference
         rows.append(
             {
-                **{key: claim.get(key, "-") for key in ("id", "section", "scene", "sampling")},
+                **{key: claim.get(key, "") for key in ("id", "section", "scene", "sampling")},
                 "claim": claim["claim"],
                 "criterion": statement(claim),
                 "paper": _cell(claim["paper"]),
@@ -251,7 +251,7 @@ def table(
                 "relative_difference": None if math.isnan(difference) else difference,
                 "tolerance": claim.get("tolerance"),
                 "verdict": "reproduced" if holds else "deviates",
-                "near_rounding": "; ".join(unresolved) or "-",
+                "near_rounding": "; ".join(unresolved),
             }
         )
     return rows
@@ -270,7 +270,7 @@ def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
 
     lines = ["| | Claim | Criterion | Paper | Reproduced | Verdict |", "|---|---|---|---|---|---|"]
     for row in rows:
-        where = ", ".join(row[key] for key in ("scene", "sampling") if row[key] != "-")
+        where = ", ".join(row[key] for key in ("scene", "sampling") if row[key])
         claim = f"{row['claim']} ({where})" if where else row["claim"]
         verdict = row["verdict"] if row["verdict"] == "reproduced" else f"**{row['verdict']}**"
         cells = (row["id"], claim, row["criterion"], row["paper"], row["reproduced"], verdict)

@@ -42,6 +42,15 @@ CHECKSUM_DIGITS = 10
 CHUNK = 1 << 20
 """How a file ends, and how much of it is read at a time for its checksum: bytes."""
 
+INDEX = "_index"
+"""How a dimension ends that text of its name labels: text cannot be a coordinate variable of CF."""
+
+PLACES = "scene", "sampling"
+"""Scalar coordinates that say what a file is of, so that files of several can be put together."""
+
+AXES = {"t": "T", "x": "X"}
+"""Axes of CF."""
+
 LEAST_FREE = 1_000_000
 """Bytes that a disk has left which is full when a file cannot be written."""
 
@@ -109,7 +118,9 @@ def _fields() -> dict[str, Variable]:
                 ("t", mode), units, f"reduced coordinates of the {meaning}"
             ),
             f"{field}_error": Variable(
-                ("solution", "reference"), "1", f"{error} of a solution against a reference"
+                ("solution_index", "reference_index"),
+                "1",
+                f"{error} of a solution against a reference",
             ),
             f"{field}_error_estimate": Variable(
                 (), "1", f"estimated {error}, from three grids, factor of safety included"
@@ -124,15 +135,19 @@ def _fields() -> dict[str, Variable]:
                 ("mode_count",), "1", f"{error} of the reduced model against the reference"
             ),
             f"{field}_error_full": Variable(
-                ("contender",), "1", f"{error} of a model against full SPH, NaN for other particles"
+                ("contender_index",),
+                "1",
+                f"{error} of a model against full SPH, NaN for other particles",
             ),
             f"{field}_error_exact": Variable(
-                ("contender",),
+                ("contender_index",),
                 "1",
                 f"{error} of a model against the exact solution, else centred differences",
             ),
             f"acceleration_{field}_error": Variable(
-                ("contender", "mode_count"), "1", f"{error} of a reduced model against full SPH"
+                ("contender_index", "mode_count"),
+                "1",
+                f"{error} of a reduced model against full SPH",
             ),
         }
     return variables
@@ -147,8 +162,10 @@ VARIABLES = _fields() | {
     "asymptotic": Variable(
         (), "1", "1 where three grids allow an estimate of the error, 0 where it is NaN", np.int8
     ),
-    "solution": Variable(("solution",), "", "solution whose error is given", str),
-    "reference": Variable(("reference",), "", "solution that the error is taken against", str),
+    "solution": Variable(("solution_index",), "", "solution whose error is given", str),
+    "reference": Variable(
+        ("reference_index",), "", "solution that the error is taken against", str
+    ),
     "mode_count": Variable(("mode_count",), "1", "modes kept for velocity and density", np.int32),
     "modes_resolved": Variable(
         ("mode_count",),
@@ -207,41 +224,50 @@ VARIABLES = _fields() | {
     "tolerance": Variable((), "1", "largest allowed difference from the best model"),
     "best_mode_count": Variable((), "1", "velocity modes that the snapshots give", np.int32),
     "certified": Variable((), "1", "1 where the bound is within the tolerance, else 0", np.int8),
-    "contender": Variable(("contender",), "", "model compared", str),
+    "contender": Variable(("contender_index",), "", "model compared", str),
     "n_freeze": Variable(
-        ("contender",), "1", "steps for which coefficients stay frozen, 0 for none", np.int64
+        ("contender_index",), "1", "steps for which coefficients stay frozen, 0 for none", np.int64
     ),
     "contender_mode_count": Variable(
-        ("contender",), "1", "modes kept for velocity and density, 0 for a full model", np.int32
+        ("contender_index",),
+        "1",
+        "modes kept for velocity and density, 0 for a full model",
+        np.int32,
     ),
     "contender_modes_resolved": Variable(
-        ("contender",), "1", "1 of a full model, else as modes_resolved", np.int8
+        ("contender_index",), "1", "1 of a full model, else as modes_resolved", np.int8
     ),
-    "integrator": Variable(("contender",), "", "how a model is stepped", str),
-    "contender_particle_count": Variable(("contender",), "1", "particles of the model", np.int32),
+    "integrator": Variable(("contender_index",), "", "how a model is stepped", str),
+    "contender_particle_count": Variable(
+        ("contender_index",), "1", "particles of the model", np.int32
+    ),
     "contender_time_step": Variable(
-        ("contender",), "s", "time step; NaN where it is not a fixed one"
+        ("contender_index",), "s", "time step; NaN where it is not a fixed one"
     ),
     "contender_tolerance": Variable(
-        ("contender",), "1", "relative tolerance of an adaptive integrator, NaN of another"
+        ("contender_index",), "1", "relative tolerance of an adaptive integrator, NaN of another"
     ),
     "reconstruction_seconds": Variable(
-        ("contender", "repeat"), "s", "process time of fields from reduced coordinates"
+        ("contender_index", "repeat"), "s", "process time of fields from reduced coordinates"
     ),
     "offline_seconds": Variable(
-        ("contender", "offline"), "s", "process time of snapshots, modes and projection"
+        ("contender_index", "offline"), "s", "process time of snapshots, modes and projection"
     ),
-    "cpu_seconds": Variable(("contender", "repeat"), "s", "process time of all time steps"),
+    "cpu_seconds": Variable(("contender_index", "repeat"), "s", "process time of all time steps"),
     "memory_bytes": Variable(
-        ("contender",), "B", "memory that a prepared time loop holds", np.int64
+        ("contender_index",), "byte", "memory that a prepared time loop holds", np.int64
     ),
-    "skipped": Variable(("skipped",), "", "what a scene may lack", str),
-    "skipping_model": Variable(("skipped",), "", "model that is timed with and without it", str),
-    "skipping_seconds": Variable(("skipped", "repeat"), "s", "process time without it"),
+    "skipped": Variable(("skipped_index",), "", "what a scene may lack", str),
+    "skipping_model": Variable(
+        ("skipped_index",), "", "model that is timed with and without it", str
+    ),
+    "skipping_seconds": Variable(("skipped_index", "repeat"), "s", "process time without it"),
     "general_seconds": Variable(
-        ("skipped", "repeat"), "s", "process time with it in vain, as zeros or general structure"
+        ("skipped_index", "repeat"),
+        "s",
+        "process time with it in vain, as zeros or general structure",
     ),
-    "step_seconds": Variable(("contender", "repeat"), "s", "process time of one time step"),
+    "step_seconds": Variable(("contender_index", "repeat"), "s", "process time of one time step"),
 }
 
 
@@ -304,33 +330,72 @@ def write(
     texts = {
         "Conventions": "CF-1.11",
         "title": title,
+        "history": _history(job),
         "source": f"sphpod {__version__}, code {code}; {_environment()}",
         "references": PAPER,
         "settings": json.dumps(settings, sort_keys=True, allow_nan=False),
         **(attributes or {}),
     }
+    places = {
+        name: of if isinstance(of, str) else of["name"]
+        for name, of in settings.items()
+        if name in PLACES
+    }
     with whole(path) as partial:
         with netCDF4.Dataset(partial, "w", format="NETCDF4") as file:
+            file.set_fill_off()
             file.setncatts(texts)
             for dim, size in sizes.items():
                 file.createDimension(dim, size)
             for name, values in arrays.items():
-                _write_variable(file, name, known[name], values)
+                _write_variable(file, name, known[name], values, _labels(known, arrays, places))
+            for name, text in places.items():
+                variable = file.createVariable(name, str)
+                variable.long_name = f"{name} that this is of"
+                variable[...] = text
         _seal(partial, job)
 
 
 def _write_variable(
-    file: netCDF4.Dataset, name: str, meaning: Variable, values: np.ndarray
+    file: netCDF4.Dataset,
+    name: str,
+    meaning: Variable,
+    values: np.ndarray,
+    labels: Mapping[str, tuple[str, ...]],
 ) -> None:
-    # No fill value: nothing is missing, and pre-filling would write every byte twice.
+    # What is missing is NaN. No value is filled in before: that would write every byte twice.
+    numbers: np.ndarray = np.asarray(values, object if meaning.dtype is str else meaning.dtype)
+    missing = numbers.dtype.kind == "f" and bool(np.isnan(numbers).any())
     variable: netCDF4.Variable = file.createVariable(
-        name, meaning.dtype, meaning.dims, fill_value=False
+        name, meaning.dtype, meaning.dims, fill_value=np.nan if missing else False
     )
-    texts = {"units": meaning.units, "long_name": meaning.long_name}
-    if meaning.coordinates:
-        texts["coordinates"] = meaning.coordinates
+    coordinates = [
+        label
+        for label, dims in labels.items()
+        if set(dims) <= set(meaning.dims) and name not in (label, *meaning.dims)
+    ]
+    texts = {
+        "units": meaning.units,
+        "long_name": meaning.long_name,
+        "axis": AXES.get(name, ""),
+        "coordinates": " ".join(filter(None, [meaning.coordinates, *coordinates])),
+    }
     variable.setncatts({key: text for key, text in texts.items() if text})
-    variable[...] = np.asarray(values, object if meaning.dtype is str else meaning.dtype)
+    variable[...] = numbers
+
+
+def _labels(
+    known: Mapping[str, Variable], arrays: Mapping[str, Any], places: Mapping[str, str]
+) -> dict[str, tuple[str, ...]]:
+    """Dimensions of what labels others: text along a dimension of its own, and the place."""
+    names = [name for name in arrays if known[name].dims == (f"{name}{INDEX}",)]
+    return {name: known[name].dims for name in names} | dict.fromkeys(places, ())
+
+
+def _history(job: Mapping[str, Any] | None) -> str:
+    """The command that makes a file, without a date, so that the same bytes come again."""
+    outputs = " ".join(f"results/{path}" for path in job["output"]) if job else ""
+    return f"snakemake {outputs}" if job else f"sphpod {__version__}"
 
 
 def read(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndarray]:
@@ -344,11 +409,12 @@ def read(path: str | os.PathLike[str], *names: str) -> dict[str, np.ndarray]:
         For a file that is not, byte by byte, what `write` has written.
     """
     with _opened(path) as file:
-        if missing := [name for name in names if name not in file.variables]:
-            raise KeyError(f"{path} holds {', '.join(file.variables)}, but not {missing[0]}")
+        held = [name for name in file.variables if name not in PLACES]
+        if missing := [name for name in names if name not in held]:
+            raise KeyError(f"{path} holds {', '.join(held)}, but not {missing[0]}")
         return {
             name: file[name][...].astype(str) if file[name].dtype is str else file[name][...]
-            for name in names or file.variables
+            for name in names or held
         }
 
 

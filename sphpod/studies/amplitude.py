@@ -296,17 +296,19 @@ STUDY = Study(
             (), "1", "amplitude from which the lifted full model, exact in time, breaks down"
         ),
         "scaled_velocity_error": Variable(
-            ("contender", "amplitude"),
+            ("contender_index", "amplitude"),
             "1",
             "relative L2 error of the velocity, against its full model",
         ),
         "scaled_density_error": Variable(
-            ("contender", "amplitude"),
+            ("contender_index", "amplitude"),
             "1",
             "relative L2 error of the density, against its full model",
         ),
         "scaled_breakdown_time": Variable(
-            ("contender", "amplitude"), "s", "time at which the model broke down, NaN if it did not"
+            ("contender_index", "amplitude"),
+            "s",
+            "time at which the model broke down, NaN if it did not",
         ),
     },
 )

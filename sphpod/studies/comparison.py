@@ -45,7 +45,7 @@ def works_from(sweep: Arrays, errors: Arrays) -> int | None:
 
 
 def near_rounding(sweep: Arrays) -> str:
-    """Mode counts whose modes are not resolved, such as ``8-20``, or none: ``-``.
+    """Mode counts whose modes are not resolved, such as ``8-20``; empty if all are.
 
     Parameters
     ----------
@@ -55,7 +55,7 @@ def near_rounding(sweep: Arrays) -> str:
     counts = sweep["mode_count"][~sweep["modes_resolved"].astype(bool)]
     runs = np.split(counts, np.flatnonzero(np.diff(counts) > 1) + 1)
     texts = [f"{run[0]}-{run[-1]}" if run.size > 1 else f"{run[0]}" for run in runs if run.size]
-    return ", ".join(texts) or "-"
+    return ", ".join(texts)
 
 
 def _first(sweep, chosen):

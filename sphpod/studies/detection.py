@@ -133,7 +133,9 @@ STUDY = Study(
     tables={"detection": ("studies.detection.rows", "detection")},
     variables={
         "unwatched_seconds": Variable(
-            ("contender", "repeat"), "s", "process time of a model that looks for no breakdown"
+            ("contender_index", "repeat"),
+            "s",
+            "process time of a model that looks for no breakdown",
         ),
     },
 )

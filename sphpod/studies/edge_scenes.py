@@ -278,9 +278,9 @@ STUDY = Study(
     },
     tables={"edge_scenes": ("studies.edge_scenes.rows", "edge_scenes")},
     variables={
-        "check": Variable(("check",), "", "what is checked of a scene at the edge", str),
-        "check_model": Variable(("check",), "", "model that is checked", str),
-        "check_value": Variable(("check",), "1", "what was found"),
-        "check_limit": Variable(("check",), "1", "what it must not exceed"),
+        "check": Variable(("check_index",), "", "what is checked of a scene at the edge", str),
+        "check_model": Variable(("check_index",), "", "model that is checked", str),
+        "check_value": Variable(("check_index",), "1", "what was found"),
+        "check_limit": Variable(("check_index",), "1", "what it must not exceed"),
     },
 )

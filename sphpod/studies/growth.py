@@ -289,10 +289,10 @@ STUDY = Study(
         "measured_breakdown_time": Variable(
             ("horizon",), "s", "time at which full SPH broke down, NaN if it did not"
         ),
-        "conserving": Variable(("conserving",), "", "integrator that keeps an energy", str),
-        "energy_time_step": Variable(("conserving",), "s", "its time step, NaN if exact"),
+        "conserving": Variable(("conserving_index",), "", "integrator that keeps an energy", str),
+        "energy_time_step": Variable(("conserving_index",), "s", "its time step, NaN if exact"),
         "energy_drift": Variable(
-            ("conserving",), "1", "largest relative change of the energy that it keeps"
+            ("conserving_index",), "1", "largest relative change of the energy that it keeps"
         ),
         "energy_horizon": Variable((), "s", "time over which the energies are followed"),
     },

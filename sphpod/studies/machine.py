@@ -186,12 +186,16 @@ STUDY = Study(
     },
     tables={"machine": ("studies.machine.rows", "machine")},
     variables={
-        "quantity": Variable(("quantity",), "", "what is computed on different machines", str),
+        "quantity": Variable(
+            ("quantity_index",), "", "what is computed on different machines", str
+        ),
         "thread_difference": Variable(
-            ("quantity",), "1", "largest difference between one BLAS thread and more, relative"
+            ("quantity_index",),
+            "1",
+            "largest difference between one BLAS thread and more, relative",
         ),
         "core_difference": Variable(
-            ("quantity",), "1", "largest difference between one core and more, relative"
+            ("quantity_index",), "1", "largest difference between one core and more, relative"
         ),
     },
 )

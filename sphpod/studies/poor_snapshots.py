@@ -310,13 +310,15 @@ STUDY = Study(
             "1",
             "the same error of the original model, against full SPH; infinite if it broke",
         ),
-        "defect": Variable(("defect",), "", "what is wrong with snapshots", str),
-        "defect_mode_count": Variable(("defect",), "1", "modes asked for", np.int32),
-        "defect_rank": Variable(("defect",), "1", "velocity modes that there are", np.int32),
+        "defect": Variable(("defect_index",), "", "what is wrong with snapshots", str),
+        "defect_mode_count": Variable(("defect_index",), "1", "modes asked for", np.int32),
+        "defect_rank": Variable(("defect_index",), "1", "velocity modes that there are", np.int32),
         "defect_error": Variable(
-            ("defect",), "1", "largest energy norm of the error of lifted_exact, NaN if refused"
+            ("defect_index",),
+            "1",
+            "largest energy norm of the error of lifted_exact, NaN if refused",
         ),
-        "defect_bound": Variable(("defect",), "1", "bound of the same error, NaN if refused"),
-        "defect_outcome": Variable(("defect",), "", "what became of the model", str),
+        "defect_bound": Variable(("defect_index",), "1", "bound of the same error, NaN if refused"),
+        "defect_outcome": Variable(("defect_index",), "", "what became of the model", str),
     },
 )

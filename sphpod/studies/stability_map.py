@@ -169,24 +169,26 @@ STUDY = Study(
         places=lambda config: config["stability"]["map"].items(),
     ),
     variables={
-        "map_integrator": Variable(("map_integrator",), "", "integrator of a stability map", str),
+        "map_integrator": Variable(
+            ("map_integrator_index",), "", "integrator of a stability map", str
+        ),
         "map_damping": Variable(("map_damping",), "s-1", "damping coefficient of a stability map"),
         "map_time_step": Variable(("map_time_step",), "s", "time step of a stability map"),
         "map_growth": Variable(
-            ("map_integrator", "map_damping", "map_time_step"),
+            ("map_integrator_index", "map_damping", "map_time_step"),
             "1",
             "logarithm of the growth of the amplitude in a step, measured in the full model",
         ),
         "map_limit": Variable(
-            ("map_integrator", "map_damping"), "s", "largest stable time step by the spectrum"
+            ("map_integrator_index", "map_damping"), "s", "largest stable time step by the spectrum"
         ),
         "mode_growth": Variable(
-            ("contender", "mode_count", "map_time_step"),
+            ("contender_index", "mode_count", "map_time_step"),
             "1",
             "logarithm of the growth of the amplitude in a step, measured in a reduced model",
         ),
         "mode_limit": Variable(
-            ("contender", "mode_count"), "s", "largest stable time step of a reduced model"
+            ("contender_index", "mode_count"), "s", "largest stable time step of a reduced model"
         ),
     },
 )

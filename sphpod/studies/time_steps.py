@@ -488,16 +488,20 @@ STUDY = Study(
     ),
     variables={
         "predicted_time_step": Variable(
-            ("contender",), "s", "largest stable time step by the spectrum; NaN where there is none"
+            ("contender_index",),
+            "s",
+            "largest stable time step by the spectrum; NaN where there is none",
         ),
         "measured_time_step": Variable(
-            ("contender",), "s", "time step from which runs grow; NaN where all of them do"
+            ("contender_index",), "s", "time step from which runs grow; NaN where all of them do"
         ),
         "predicted_growth_rate": Variable(
-            ("contender",), "s-1", "growth rate of the fastest wave by the spectrum, NaN if stable"
+            ("contender_index",),
+            "s-1",
+            "growth rate of the fastest wave by the spectrum, NaN if stable",
         ),
         "measured_growth_rate": Variable(
-            ("contender",), "s-1", "growth rate of the fastest wave in a run, NaN if stable"
+            ("contender_index",), "s-1", "growth rate of the fastest wave in a run, NaN if stable"
         ),
     },
 )

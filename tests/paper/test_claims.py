@@ -460,14 +460,14 @@ def test_a_row_holds_what_the_paper_says_and_what_was_found():
         assert tuple(row) == claims.COLUMNS
     assert error["reproduced"] == error["paper"] == 0.1
     assert error["relative_difference"] == 0
-    assert error["sampling"] == "-"
+    assert error["sampling"] == ""
     assert error["verdict"] == "reproduced"
     assert words["reproduced"].startswith("no: ")  # one of two criteria fails
     assert words["relative_difference"] is None
     assert words["tolerance"] is None
     assert words["verdict"] == coefficient["verdict"] == "deviates"
-    assert coefficient["scene"] == coefficient["section"] == "-"
-    assert [row["near_rounding"] for row in (error, words, coefficient)] == ["-", "2", "-"]
+    assert coefficient["scene"] == coefficient["section"] == ""
+    assert [row["near_rounding"] for row in (error, words, coefficient)] == ["", "2", ""]
 
 
 def test_the_table_for_reading_has_a_line_a_claim():

@@ -84,7 +84,7 @@ def test_from_where_a_model_works_it_goes_on_to(pairs):
 @pytest.mark.parametrize(
     ("resolved", "told"),
     [
-        ([1, 1, 1, 1, 1], "-"),
+        ([1, 1, 1, 1, 1], ""),
         ([1, 1, 1, 0, 0], "7-8"),
         ([1, 0, 1, 0, 0], "5, 7-8"),
         ([0, 0, 1, 1, 0], "4-5, 8"),
