@@ -48,9 +48,6 @@ INDEX = "_index"
 PLACES = "scene", "sampling"
 """Scalar coordinates that say what a file is of, so that files of several can be put together."""
 
-AXES = {"t": "T", "x": "X"}
-"""Axes of CF."""
-
 LEAST_FREE = 1_000_000
 """Bytes that a disk has left which is full when a file cannot be written."""
 
@@ -377,7 +374,6 @@ def _write_variable(
     texts = {
         "units": meaning.units,
         "long_name": meaning.long_name,
-        "axis": AXES.get(name, ""),
         "coordinates": " ".join(filter(None, [meaning.coordinates, *coordinates])),
     }
     variable.setncatts({key: text for key, text in texts.items() if text})

@@ -3,6 +3,7 @@
 import json
 import os
 import random
+import shutil
 import subprocess
 import sys
 import time
@@ -254,3 +255,41 @@ def test_new_files_have_the_usual_permissions(tmp_path):
 def test_tables_are_plain_csv(tmp_path):
     dataset.write_table(tmp_path / "t.csv", pd.DataFrame({"id": ["E01"], "paper": [4.52e-2]}))
     assert (tmp_path / "t.csv").read_bytes() == b"id,paper\nE01,0.0452\n"
+
+
+def test_files_are_such_as_other_tools_read(tmp_path):
+    """CF: text labels a dimension of another name, and NaN is declared."""
+    arrays = {
+        "mode_count": np.array([1, 2]),
+        "breakdown_time": np.array([np.nan, 0.5]),
+        "velocity_error_sph": np.array([0.1, 0.2]),
+        "solution": np.array(["sph", "fd"]),
+        "reference": np.array(["fd"]),
+        "velocity_error": np.array([[0.1], [np.nan]]),
+    }
+    settings = {"scene": "waves", "sampling": {"name": "few", "count": 3}}
+    record = {"output": ["waves/few/original/k1-2.nc"]}
+    path = tmp_path / "k1-2.nc"
+    dataset.write(path, arrays, title="A title", settings=settings, code="c0de", job=record)
+    with xr.open_dataset(path) as file:
+        assert file.attrs["history"] == "snakemake results/waves/few/original/k1-2.nc"
+        assert (file.scene.item(), file.sampling.item()) == ("waves", "few")
+        assert set(file.velocity_error.coords) == {"solution", "reference", "scene", "sampling"}
+        chosen = file.set_xindex("solution").velocity_error.sel(solution="sph")
+        assert chosen.item() == 0.1
+        declared = {name for name in file.variables if "_FillValue" in file[name].encoding}
+        assert declared == {"breakdown_time", "velocity_error"}
+        for name, variable in file.variables.items():
+            assert variable.dtype.kind not in "OUT" or name not in variable.dims
+    back = dataset.read(path)
+    assert set(back) == set(arrays)
+    for name, values in arrays.items():
+        np.testing.assert_array_equal(back[name], values)
+
+
+@pytest.mark.skipif(not shutil.which("compliance-checker"), reason="it is not installed")
+def test_a_checker_of_cf_finds_nothing(tmp_path):
+    write(tmp_path / "sph.nc", solution() | {"solution": np.array(["sph", "fd"])})
+    program = ["compliance-checker", "--test=cf:1.11", "--criteria=strict"]
+    run = subprocess.run([*program, tmp_path / "sph.nc"], capture_output=True, text=True)
+    assert run.returncode == 0, run.stdout
