@@ -196,6 +196,27 @@ VARIABLES = _fields() | {
         ("t", "scaled_strain_mode"), ENERGY_ROOT, "reduced coordinates of the scaled strain"
     ),
     "strain": Variable(("t", "x"), "1", "strain of the particles"),
+    "reduced_operator": Variable(
+        ("reduced_rate", "reduced_state"),
+        "s-1",
+        "rates of the reduced coordinates, of velocity and then of the other field, at rest, by "
+        "the coordinates, in their units",
+    ),
+    "reduced_constant": Variable(
+        ("reduced_rate",), "s-1", "rates of the coordinates that do not depend on them"
+    ),
+    "reduced_force": Variable(
+        ("reduced_rate",), "1", "rates of the coordinates by the course of the force in time"
+    ),
+    "velocity_output": Variable(
+        ("reduced_state", "x"), "1", "velocity of the particles by the coordinates, in SI units"
+    ),
+    "density_output": Variable(
+        ("reduced_state", "x"), "1", "mass density of the particles by the coordinates"
+    ),
+    "strain_output": Variable(
+        ("reduced_state", "x"), "1", "strain of the particles by the coordinates, in SI units"
+    ),
     "velocity_error_lifted": Variable(
         ("mode_count",), "1", "relative error of the velocity against the lifted full model"
     ),

@@ -150,7 +150,7 @@ def choose(
         "energy_error_bound": np.array([relative]),
         "residual_bound": np.array([share(plain.max(), best.norm)]),
         "certified": np.array(int(relative <= tolerance)),
-        **prepared.stored(state),
+        **lifted_rom.stored((prepared, state)),
         "error_bound": bound,
     }
 

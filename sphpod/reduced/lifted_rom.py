@@ -213,6 +213,25 @@ class LiftedModel:
         none = np.zeros((len(self.strain_modes),) * 2)
         return np.block([[-self.damping, self.coupling], [-self.coupling.T, none]])
 
+    def system(self) -> dict[str, np.ndarray]:
+        """The model as a linear system x' = A x + f(t) F, of the coordinates x of both fields.
+
+        Returns
+        -------
+        dict
+            reduced_operator A (states, states) [1/s] and reduced_force F (states,), f the course of
+            the force in time; velocity_output and strain_output (states, N), of which the fields
+            are xᵀ times these.
+        """
+        mass, stiffness = lifted.energy_weights(self.scene)
+        kv, ke = len(self.velocity_modes), len(self.strain_modes)
+        return {
+            "reduced_operator": self.operator,
+            "reduced_force": np.pad(self.force, (0, ke)),
+            "velocity_output": np.pad(self.velocity_modes / mass, ((0, ke), (0, 0))),
+            "strain_output": np.pad(self.strain_modes / stiffness, ((kv, 0), (0, 0))),
+        }
+
     @cached_property
     def own(self) -> "OwnModes":
         """The model in the modes of its operator."""
@@ -534,9 +553,9 @@ def solve_each(
 
 
 def stored(solution: tuple[Prepared, np.ndarray]) -> dict[str, np.ndarray]:
-    """What is kept of a model and its coordinates, as `Prepared.stored`."""
+    """What is kept of a model and its coordinates: `Prepared.stored`, `LiftedModel.system`."""
     prepared, state = solution
-    return prepared.stored(state)
+    return prepared.stored(state) | prepared.model.system()
 
 
 def field_errors(

@@ -160,6 +160,35 @@ class ReducedModel:
             ]
         )
 
+    def system(self) -> dict[str, np.ndarray]:
+        """The model linearized at rest, x' = A x + b + f(t) F, of the coordinates x of both fields.
+
+        Returns
+        -------
+        dict
+            reduced_operator A (states, states) as `operator`, reduced_constant b and reduced_force
+            F (states,), f the course of the force in time; velocity_output and density_output
+            (states, N), of which the fields are xᵀ times these.
+        """
+        scene, v_modes, rho_modes = self.scene, self.velocity_modes, self.density_modes
+        kv, kr = len(v_modes), len(rho_modes)
+        density0, operator = scene.density0(), self.operator()
+        start = rho_modes @ density0
+        density = start @ rho_modes
+        strained = 1 - density0 / density if self.method == "original" else density / density0 - 1
+        pull = scene.derivative(v_modes / (density0 * scene.volumes)) * scene.volumes
+        constant = -operator[:, kv:] @ start
+        constant[:kv] += (pull * scene.modulus()) @ strained
+        _, profile = scene.force_values(np.zeros(1))
+        force = v_modes @ profile if profile.size else np.zeros(kv)
+        return {
+            "reduced_operator": operator,
+            "reduced_constant": constant,
+            "reduced_force": np.pad(force, (0, kr)),
+            "velocity_output": np.pad(v_modes, ((0, kr), (0, 0))),
+            "density_output": np.pad(rho_modes, ((kv, 0), (0, 0))),
+        }
+
     def solve(self, steps: np.ndarray) -> Solution:
         """Run the model.
 
@@ -296,7 +325,8 @@ def sweep(
     dict
         As from `sweep.sweep`: velocity_error_sph, density_error_sph, velocity_error_reference,
         density_error_reference, infinite where a model broke down; modes_resolved, as from
-        `modes_resolved`; and for a single count t, velocity_coordinates, density_coordinates.
+        `modes_resolved`; and for a single count t, velocity_coordinates, density_coordinates and
+        `ReducedModel.system`.
 
     Raises
     ------
@@ -322,6 +352,7 @@ def sweep(
             "t": scene.error_times,
             "velocity_coordinates": velocity,
             "density_coordinates": density,
+            **models[0].system(),
         }
 
     models = [model(scene, method, modes, count) for count in counts]

@@ -116,6 +116,7 @@ def test_a_sweep_certifies_as_single_models_do(changes):
         assert single["error_bound"].shape == single["t"].shape
     assert set(single) - set(sweep) == {
         "t", "scaled_velocity_coordinates", "scaled_strain_coordinates", "error_bound",
+        "reduced_operator", "reduced_force", "velocity_output", "strain_output",
     }  # fmt: skip
     assert np.all(sweep["energy_error_bound"] >= sweep["energy_error_lifted"] - ROUNDING)
     assert np.all(sweep["residual_bound"] >= sweep["energy_error_bound"])

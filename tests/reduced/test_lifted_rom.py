@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_models import random_models, rows
 from scenes import VARIED, scene
+from scipy import signal
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import relative_error
@@ -413,3 +414,33 @@ def test_errors_are_those_of_the_fields_and_infinite_where_a_model_broke_down():
     assert np.isinf(broken["velocity_error_sph"]).all()
     with pytest.raises(Breakdown, match="scene crash: the lifted model with 4 modes"):
         lifted_rom.repeat_sph(strong, [4], modes, full, reference)
+
+
+@pytest.mark.parametrize("changes", [{}, {"damping": 3}, VARIED], ids=["plain", "damped", "varied"])
+def test_scipy_gets_the_same_of_the_stored_system(changes):
+    """The matrices of a file, without anything else of this package."""
+    case = scene(duration=1, error_interval=0.02, **changes)
+    full = exact(case)
+    snapshots = {f"{name}_snapshots": full[name][::5] for name in ("velocity", "strain")}
+    (solution,) = lifted_rom.solve_each(case, [4], lifted_rom.decompose(case, snapshots), METHOD)
+    kept = lifted_rom.stored(solution)
+    coordinates = ["scaled_velocity_coordinates", "scaled_strain_coordinates"]
+    states = np.concatenate([kept[name] for name in coordinates], axis=1)
+    count = states.shape[1]
+    system = signal.StateSpace(
+        kept["reduced_operator"], kept["reduced_force"][:, None],
+        np.eye(count), np.zeros((count, 1)),
+    )  # fmt: skip
+    fine = np.linspace(0, kept["t"][-1], 20 * (kept["t"].size - 1) + 1)
+    amplitude, _ = case.force_values(fine)
+    course = amplitude if amplitude.size else np.zeros_like(fine)
+    _, found, _ = signal.lsim(system, course, fine, states[0])
+    np.testing.assert_allclose(found[::20], states, rtol=0, atol=1e-5 * np.abs(states).max())
+    prepared, state = solution
+    velocity, strain = np.empty((2, states.shape[0], case.particle_count))
+    prepared.reconstruct(state, velocity, strain)
+    for field, name in ((velocity, "velocity_output"), (strain, "strain_output")):
+        np.testing.assert_allclose(states @ kept[name], field, atol=1e-13 * np.abs(field).max())
+
+
+METHOD = "lifted_exact"

@@ -272,3 +272,32 @@ def test_more_modes_than_there_are_is_reported_of(caplog):
     assert caplog.messages == [
         "scene test: 9 modes asked for, the snapshots hold 6 of velocity and 5 of density"
     ]
+
+
+@pytest.mark.parametrize("method", ["original", "linearized", "frozen3"])
+@pytest.mark.parametrize("changes", [{}, VARIED], ids=["plain", "varied"])
+def test_the_stored_system_is_the_model_linearized_at_rest(method, changes):
+    """What it leaves out of the rates is of second order in the amplitude."""
+    missing = []
+    for amplitude in (1e-3, 5e-4):
+        forced = {"force": f"{amplitude}*cos(9*t)"} if changes else {}
+        case = scene(
+            initial_velocity=f"{amplitude}*sin(2*pi*x/L)", duration=0.4, time_step=1e-3,
+            error_interval=1e-3, **(changes | forced),
+        )  # fmt: skip
+        modes = snapshot_modes(case)
+        model = rom.model(case, method, modes, 3)
+        system = model.system()
+        *coordinates, _ = model.solve(case.error_steps)
+        states = np.concatenate(coordinates, axis=1)
+        every = max(rom.freeze_steps(method), 1)
+        refreshed = np.arange(states.shape[0] - 1) // every * every
+        course, _ = case.force_values(case.error_times[refreshed])
+        rates = states[:-1] @ system["reduced_operator"].T + system["reduced_constant"]
+        if course.size:
+            rates = rates + np.outer(course, system["reduced_force"])
+        missing.append(np.abs(np.diff(states, axis=0) / case.time_step - rates).max())
+        velocity = states @ system["velocity_output"]
+        np.testing.assert_allclose(velocity, coordinates[0] @ model.velocity_modes, atol=1e-15)
+    assert missing[0] < 1e-3
+    assert missing[0] / missing[1] == pytest.approx(4, rel=0.2)

@@ -17,7 +17,7 @@ import xarray as xr
 import yaml
 
 from sphpod.pipeline import dataset
-from sphpod.scene.scene import Scene
+from sphpod.scene.scene import PHYSICS_KEYS, Scene
 
 ROOT = Path(__file__).parents[2]
 pytestmark = pytest.mark.workflow
@@ -684,6 +684,15 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
         ),
         (["--config", "scenes={waves: {time_step: 0}}"], "scene waves: time_step = 0: "),
         (["--config", "output=/"], "output = /: "),
+        (["--config", "output=Snakefile"], "output = Snakefile: Snakefile is a file; it must be"),
+        (["--config", "output=Snakefile/x"], "output = Snakefile/x: Snakefile is a file"),
+        (["--config", "output=/dev/null"], "output = /dev/null: /dev/null is a file; it must be"),
+        (["--config", "benchmark={repeats: 0}"], "benchmark.repeats = 0: it must be at least 1"),
+        (["--config", "memory=1e-4"], "scene waves: error_interval = 0.01: 101 outputs of 40"),
+        (
+            ["--", "small/results/two_moduli/few/pod.nc"],
+            "scene two_moduli: sampling = few: there",
+        ),
         (
             ["--config", "illustrations=[{kind: spring, name: stability_time_steps}]"],
             "figure = stability_time_steps: this is the name of study time_steps and of kind",
@@ -755,6 +764,29 @@ def test_a_failing_job_says_why_in_one_sentence(built):
     assert "Traceback" not in run.stderr
     assert "Traceback" in (built / "broken/results/logs/waves/sph.log").read_text()
     assert not (built / "broken/results/waves/sph.nc").exists()
+
+
+def test_captions_and_sections_of_a_report_are_text(built, tmp_path):
+    """In reStructuredText, the first would show a file, and the second run a script."""
+    settings = yaml.safe_load((built / "config/small.yaml").read_text())
+    scene = settings["scenes"]["waves"]
+    words = ".. include:: /etc/passwd\n\n.. raw:: html\n\n   <script>alert(1)</script> {y} **a**"
+    figure = {"kind": "initial_spectrum", "caption": words}
+    kept = {key: scene[key] for key in PHYSICS_KEYS if key in scene}
+    own = {"waves": kept | {"section": "{x} 3", "figures": [figure]}}
+    folder = tmp_path / "text.yaml"
+    folder.write_text(yaml.safe_dump({"output": "text", "scenes": own}))
+    for more in ([], ["--report", "text.html"]):
+        run = subprocess.run(
+            command("--configfile", str(folder), *more),
+            cwd=built, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+        assert run.returncode == 0, run.stderr
+    report = (built / "text.html").read_text()
+    assert ".. include:: /etc/passwd .. raw:: html &lt;script&gt;alert(1)" in report
+    assert "<script>alert" not in report
+    assert "root:x:0" not in report
+    assert (built / "text/.gitignore").read_text() == "*\n"
 
 
 def test_the_report_shows_every_figure(built):

@@ -549,7 +549,8 @@ def drawing_function(wildcards):
 def figure_category(wildcards):
     section = ALL_FIGURES[wildcards.name]["section"]
     shown = f"Section {section}" if section[:1].isdigit() else section
-    return shown.replace("{", "{{").replace("}", "}}")
+    # Snakemake would take {x} for a wildcard; a space of no width behind the bracket stops it.
+    return shown.replace("{", "{\u200b")
 
 
 def figure_caption(wildcards):
