@@ -1,7 +1,9 @@
 """Imports run one way, from a wing of the package to those below it."""
 
 import ast
+import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -84,3 +86,23 @@ def test_tests_mirror_the_wings():
     for path in modules():
         for test in tests.rglob(f"test_{path.stem}.py"):
             assert test.parent.name == path.parent.name
+
+
+LONGEST_MODULE, LONGEST_FUNCTION, MOST_ARGUMENTS = 500, 60, 7
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_what_is_long_says_why(path):
+    """In its docstring, in a sentence that begins with Long or Longer."""
+    source = path.read_text(encoding="utf-8")
+    tree = ast.parse(source)
+    long: list[Any] = [tree] if source.count("\n") > LONGEST_MODULE else []
+    for node in ast.walk(tree):
+        if isinstance(node, ast.FunctionDef):
+            documented = isinstance(node.body[0], ast.Expr) and len(node.body) > 1
+            first = node.body[1 if documented else 0]
+            if (node.end_lineno or 0) - first.lineno >= LONGEST_FUNCTION:
+                long.append(node)
+            assert len(node.args.posonlyargs + node.args.args) <= MOST_ARGUMENTS, node.name
+    for node in long:
+        assert re.search(r"\bLong(er)?\b", ast.get_docstring(node) or ""), getattr(node, "name", "")

@@ -1,6 +1,8 @@
 """Figures of the benchmarks, one function a kind, in the style of `sphpod.figures.plotting`.
 
 They are apart from the paper's figures, which an edit here leaves as they are.
+
+Long, as labels are placed here that no other figure has.
 """
 
 from collections.abc import Callable, Mapping, Sequence

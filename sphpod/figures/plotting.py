@@ -3,6 +3,8 @@
 Every figure is drawn at its final size with one style sheet, so its text has the size it will have
 in print. Labels are plain Unicode in one font; only the schematic typesets mathematics. That keeps
 drawing cheap and the files small. Captions belong to the configuration, not to the pictures.
+
+Long: one function for each kind of figure, and the scales and marks that all of them share.
 """
 
 import os

@@ -2,6 +2,9 @@
 
 They show a prediction of theory and a measurement of a run side by side: what is predicted is
 hollow or a line, what is measured is filled.
+
+Long: each study has its functions under a heading of its own, and all of them share marks and
+legends.
 """
 
 from collections.abc import Iterable, Mapping, Sequence

@@ -13,6 +13,9 @@ antisymmetric. In the scaled fields √m v and √(V c) e, whose squares it sums
 Explicit Euler takes both rates from the old state, as the paper's full SPH does; symplectic Euler
 drifts the strain before it kicks the velocity with it; leapfrog drifts half before and half after,
 and keeps second order. Kicks take damping exactly, for the force of a step that stands still.
+
+Long: steps of one length, adaptive ones and those exact in time share state, operator and the watch
+for folds.
 """
 
 from collections.abc import Callable
@@ -232,10 +235,9 @@ def _fixed_step(scene, integrator, dt, begin):
     def run(velocity, strain, watch=True):
         state = np.zeros((4, velocity0.size))
         state[0], state[2] = velocity0, stress0
-        return march(
-            state, drift, kick, geometry, coefficients, amplitude, push, compliance, explicit, half,
-            steps, watch and not calm, pace, velocity, strain,
-        )  # fmt: skip
+        operators = drift, kick, geometry, coefficients, compliance
+        schedule = explicit, half, steps, watch and not calm, pace
+        return march(state, operators, (amplitude, push), schedule, (velocity, strain))
 
     return run
 
@@ -406,17 +408,19 @@ def doubtful(velocity, strain):
 
 
 @compiled
-def march(
-    state, drift, kick, geometry, coefficients, amplitude, push, compliance, explicit, half, steps,
-    watch, pace, velocity, strain,
-):  # fmt: skip
-    """``state`` holds velocity and stress, old and new, with ghosts.
+def march(state, operators, force, schedule, kept):
+    """``state`` holds velocity and stress, old and new, with ghosts; ``schedule`` whether steps are
+    explicit, whether they begin with half a drift, those after which fields are kept, whether these
+    are looked at, and `fastest_change`.
 
-    The kernels are chosen here, at every call: chosen in a function of its own, they would be
-    compiled without vectors, three times slower.
+    Longer than a function should be: the kernels are chosen here, at every call, as in a function
+    of its own they would be compiled without vectors, three times slower.
     """
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
-    keep, stiffness, inertia = coefficients
+    drift, kick, geometry, (keep, stiffness, inertia), compliance = operators
+    amplitude, push = force
+    explicit, half, steps, watch, pace = schedule
+    velocity, strain = kept
     width = drift.size
     inner = slice(width, width + compliance.size)
     uniform = stiffness.size == 0
@@ -630,7 +634,7 @@ def rates(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
             result[: push.size] += push
             return result
         result = np.empty_like(state)
-        rates_of(state, fields, weights, inertia, modulus, damping, push, result)
+        rates_of(state, fields, weights, (inertia, modulus), (damping, push), result)
         return result
 
     return rate
@@ -689,8 +693,10 @@ def _within(rate, inner, t, state):
 
 
 @compiled
-def rates_of(state, fields, weights, inertia, modulus, damping, push, rates):
+def rates_of(state, fields, weights, material, forces, rates):
     """Rates of change of velocity and strain, one behind the other in ``state``."""
+    inertia, modulus = material
+    damping, push = forces
     width, count = weights.size, inertia.size
     v, stress = fields[0], fields[1]
     for i in range(count):

@@ -124,20 +124,8 @@ def prepare(
         state = np.zeros((4, velocity0.size))
         state[0], state[2] = velocity0, stress0
         rho = density_now.copy()
-        return march(
-            state,
-            rho,
-            material,
-            modulus,
-            forces,
-            geometry,
-            first_step,
-            steps,
-            watch,
-            pace,
-            velocity,
-            density,
-        )
+        schedule = first_step, steps, watch, pace
+        return march((state, rho), material, forces, geometry, schedule, (velocity, density))
 
     return run
 
@@ -248,9 +236,10 @@ def act(new_v, v, forces, step):
 
 
 @compiled
-def advance_two(v, new_v, stress, new_stress, rho, material, w1, w2):
+def advance_two(v, new_v, stress, new_stress, rho, material, weights):
     """One step for two neighbours on each side: all reads of the old state, one division."""
     inertia, modulus, load = material
+    w1, w2 = weights[0], weights[1]
     for i in range(rho.size):
         stretching = w1 * (v[i + 3] - v[i + 1]) + w2 * (v[i + 4] - v[i])
         new_rho = rho[i] - inertia[i] * rho[i] * rho[i] * stretching
@@ -297,13 +286,18 @@ def advance_any(v, new_v, stress, new_stress, rho, material, weights):
 
 
 @compiled
-def march_stencil(
-    state, rho, material, modulus, forces, geometry, first_step, steps, watch, pace, velocity,
-    density,
-):  # fmt: skip
-    """Evenly spaced particles. ``state`` holds velocity and stress, old and new, with ghosts."""
-    v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
+def march_stencil(state, material, forces, geometry, schedule, kept):
+    """Evenly spaced particles.
+
+    ``state`` holds velocity and stress, old and new, with ghosts, and the density; ``schedule`` the
+    first step, those after which the state is kept, whether it is looked at, and `fastest_change`.
+    """
+    fields, rho = state
+    v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
+    modulus = material[1]
     (weights,) = geometry
+    first_step, steps, watch, pace = schedule
+    velocity, density = kept
     width = weights.size
     inner = slice(width, width + rho.size)
     acted = forces[0].size > 0 or forces[1].size > 0
@@ -318,7 +312,7 @@ def march_stencil(
     for row in range(steps.size):
         for step in range(done, steps[row]):
             if width == 2:
-                advance_two(v, new_v, stress, new_stress, rho, material, weights[0], weights[1])
+                advance_two(v, new_v, stress, new_stress, rho, material, weights)
             elif width == 4:
                 advance_four(v, new_v, stress, new_stress, rho, material, weights)
             else:
@@ -361,12 +355,13 @@ def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
 
 
 @compiled
-def march_lists(
-    state, rho, material, modulus, forces, geometry, first_step, steps, watch, pace, velocity,
-    density,
-):  # fmt: skip
-    """Any arrangement of particles. ``state`` holds velocity and stress, old and new."""
-    v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
+def march_lists(state, material, forces, geometry, schedule, kept):
+    """Any arrangement of particles, as `march_stencil` without ghosts."""
+    fields, rho = state
+    v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
+    modulus = material[1]
+    first_step, steps, watch, pace = schedule
+    velocity, density = kept
     acted = forces[0].size > 0 or forces[1].size > 0
     next_look = np.iinfo(np.int64).max
     if watch:

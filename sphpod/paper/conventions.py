@@ -2,6 +2,8 @@
 
 Each study below changes one convention, and compares a number of the paper with what comes out
 with the convention and without it. What results already hold is read, the rest is computed here.
+
+Long: one function for each convention, all of one form.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -473,18 +475,13 @@ def solve_otherwise(scene: Scene, stepping: int) -> dict[str, np.ndarray]:
     damping = scene.damping_values()
     velocity = np.empty((steps.size, scene.particle_count))
     density = np.empty_like(velocity)
+    damping = damping if damping.size else np.zeros_like(density0)
     march(
-        scene.velocity0(),
-        density0.copy(),
-        density0,
-        scene.modulus(),
-        damping if damping.size else np.zeros_like(density0),
+        (scene.velocity0(), density0.copy()),
+        (density0, scene.modulus(), damping),
         kernel.stencil_weights(scene.spacing, scene.smoothing_ratio),
-        scene.time_step,
-        stepping,
-        steps,
-        velocity,
-        density,
+        (scene.time_step, stepping, steps),
+        (velocity, density),
     )
     return {"velocity": velocity, "density": density}
 
@@ -506,8 +503,9 @@ def differentiate(field, weights, rate):
 
 
 @compiled
-def accelerate(v, rho, density0, modulus, damping, weights, stress, rate):
+def accelerate(v, rho, material, weights, stress, rate):
     """Rate of velocity."""
+    density0, modulus, damping = material
     for i in range(v.size):
         stress[i] = modulus[i] * (1.0 - density0[i] / rho[i])
     differentiate(stress, weights, rate)
@@ -531,8 +529,12 @@ def advance(field, dt, rate):
 
 
 @compiled
-def march(v, rho, density0, modulus, damping, weights, dt, stepping, steps, velocity, density):
+def march(state, material, weights, schedule, kept):
     """Keep the state after the given numbers of steps of a time stepping."""
+    v, rho = state
+    density0, _, damping = material
+    dt, stepping, steps = schedule
+    velocity, density = kept
     stress, dv, drho, old_v, old_rho = np.empty((5, v.size))
     done = 0
     for row in range(steps.size):
@@ -543,7 +545,7 @@ def march(v, rho, density0, modulus, damping, weights, dt, stepping, steps, velo
             if stepping == DENSITY_FIRST:
                 stretch(v, rho, density0, weights, drho)
                 advance(rho, dt, drho)
-            accelerate(v, rho, density0, modulus, damping, weights, stress, dv)
+            accelerate(v, rho, material, weights, stress, dv)
             advance(v, dt, dv)
             if stepping == VELOCITY_FIRST:
                 stretch(v, rho, density0, weights, drho)
@@ -557,7 +559,7 @@ def march(v, rho, density0, modulus, damping, weights, dt, stepping, steps, velo
                 for i in range(v.size):
                     v[i] = (v[i] + dt * damping[i] * old_v[i]) / (1.0 + dt * damping[i])
             if stepping == HEUN:
-                accelerate(v, rho, density0, modulus, damping, weights, stress, dv)
+                accelerate(v, rho, material, weights, stress, dv)
                 stretch(v, rho, density0, weights, drho)
                 for i in range(v.size):
                     v[i] = (old_v[i] + v[i] + dt * dv[i]) / 2

@@ -3,6 +3,8 @@
 In memory a dataset is a plain ``dict`` of numpy arrays; `VARIABLES` says what each name
 means. Files are written whole or not at all, the same arrays and attributes always give the same
 bytes, and a file is only read if its bytes are those that were written.
+
+Long, as half of it is the table of what names mean.
 """
 
 import errno
@@ -84,7 +86,7 @@ def _roundings(field: str, meaning: str) -> dict[str, Variable]:
 
 
 def _fields() -> dict[str, Variable]:
-    """Variables that exist once for the velocity and once for the density."""
+    """Variables that exist once for the velocity and once for the density; Long, as a table is."""
     variables: dict[str, Variable] = {}
     for field, units, meaning in (
         ("velocity", "m s-1", "velocity"),

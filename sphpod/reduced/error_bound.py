@@ -59,6 +59,8 @@ f is not p, ∫|f - p| times |F| is added.
 
 All norms are of QR factors of the size of the reduced model; a Gram matrix would lose half their
 digits.
+
+Long, as the proofs stand beside what they prove.
 """
 
 from dataclasses import dataclass, replace

@@ -15,6 +15,8 @@ modes, each a damped oscillator; otherwise the eigenvectors of the operator give
 they are ill-conditioned, the model is one block. `sphpod.numerics.propagator` carries them from
 output to output, exactly in time (``lifted_exact``) or as explicit Euler would go
 (``lifted_euler``).
+
+Long: modes, model and its run share the model's own modes.
 """
 
 import logging

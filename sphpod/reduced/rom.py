@@ -12,6 +12,8 @@ linearized
 frozen1, frozen2, …
     the linearized velocity equation in reduced coordinates; the coefficients ρ² and Uvᵀ f are
     refreshed every n_freeze steps only. frozen1 is the linearized model in another form.
+
+Long, as the kernels of all forms of the model stand beside each other.
 """
 
 import logging
@@ -94,13 +96,13 @@ class ReducedModel:
             ``run(velocity_coordinates, density_coordinates)`` fills arrays of shapes (times, kv)
             and (times, kρ).
         """
-        march, start_a, start_b, arguments = self._project(steps)
+        march, start_a, start_b, *arguments = self._project(steps)
         if start is not None:
             start_a, start_b = map(_padded, start)
 
         def run(velocity_coordinates, density_coordinates):
             a, b = start_a.copy(), start_b.copy()
-            march(a, b, *arguments, steps, velocity_coordinates, density_coordinates)
+            march((a, b), *arguments, steps, (velocity_coordinates, density_coordinates))
 
         return run
 
@@ -119,14 +121,14 @@ class ReducedModel:
         on_particles = _padded(stretch), _padded(density_modes)
         if n_freeze == 0:
             operators = _padded(pull), *on_particles, density0, self.method == "linearized"
-            return march_particles, *start, (*operators, *forces)
+            return march_particles, *start, operators, forces
         force = _padded(density_modes @ (pull / density0).T, both=True)
         constant = _padded(-pull.sum(axis=1))
         kv, kr = len(velocity_modes), len(density_modes)
         if tensor_is_cheaper(kv, kr, density0.size, n_freeze):
             tensor = _quadratic_tensor(*on_particles, kr)
-            return march_tensor, *start, (force, constant, tensor, n_freeze, *forces)
-        return march_frozen, *start, (force, constant, *on_particles, n_freeze, *forces)
+            return march_tensor, *start, (force, constant, tensor, n_freeze), forces
+        return march_frozen, *start, (force, constant, *on_particles, n_freeze), forces
 
     def operator(self, density: np.ndarray | None = None) -> np.ndarray:
         """The model linearized about a density at rest, [[-D, A], [-Cᵀ, 0]] of (2.21) to (2.24).
@@ -385,14 +387,14 @@ def solve_each(models: Iterable[ReducedModel], steps: np.ndarray) -> Iterator[So
 
 def _solve_four(models, steps):
     """Solutions of two to four models; where there are fewer than four, the last runs twice."""
-    _, start_a, start_b, arguments = models[-1]._project(steps)
+    _, start_a, start_b, *arguments = models[-1]._project(steps)
     four = [*models, *[models[-1]] * (GROUP - len(models))]
     mask_a = np.array([np.arange(start_a.size) < len(m.velocity_modes) for m in four], float)
     mask_b = np.array([np.arange(start_b.size) < len(m.density_modes) for m in four], float)
     a, b = mask_a * start_a, mask_b * start_b
     velocity = np.empty((steps.size, *a.shape))
     density = np.empty((steps.size, *b.shape))
-    march_four(a, b, mask_a, mask_b, *arguments, steps, velocity, density)
+    march_four((a, b, mask_a, mask_b), *arguments, steps, (velocity, density))
     for n, model in enumerate(models):
         reduced = (
             np.ascontiguousarray(velocity[:, n, : len(model.velocity_modes)]),
@@ -553,11 +555,16 @@ def add_push(push, amplitude, step, result):
 
 
 @compiled
-def march_particles(
-    a, b, pull, stretch, density_modes, density0, linear, decay, damping, amplitude, push, steps,
-    velocity_coordinates, density_coordinates,
-):  # fmt: skip
-    """Original and linearized model: the nonlinearity is evaluated on the particles."""
+def march_particles(state, operators, forces, steps, kept):
+    """Original and linearized model: the nonlinearity is evaluated on the particles.
+
+    Of all kernels here, ``state`` holds the coordinates of velocity and density, ``kept`` where
+    they are copied to after the given numbers of steps.
+    """
+    a, b = state
+    pull, stretch, density_modes, density0, linear = operators
+    decay, damping, amplitude, push = forces
+    velocity_coordinates, density_coordinates = kept
     rho, rate = np.empty(density0.size), np.empty(density0.size)
     kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
     old_a = a.copy()
@@ -633,14 +640,15 @@ def add_projection_four(fields, modes, mask, coordinates):
 
 
 @compiled
-def march_four(
-    a, b, mask_a, mask_b, pull, stretch, density_modes, density0, linear, decay, damping, amplitude,
-    push, steps, velocity_coordinates, density_coordinates,
-):  # fmt: skip
+def march_four(state, operators, forces, steps, kept):
     """As march_particles, for four models whose modes are the first of the same modes.
 
-    The masks are zero at the modes that a model does not have.
+    The state holds masks too, which are zero at the modes that a model does not have.
     """
+    a, b, mask_a, mask_b = state
+    pull, stretch, density_modes, density0, linear = operators
+    decay, damping, amplitude, push = forces
+    velocity_coordinates, density_coordinates = kept
     rho, rate = np.empty((4, density0.size)), np.empty((4, density0.size))
     old_a = a.copy()
     done = 0
@@ -681,11 +689,12 @@ def march_four(
 
 
 @compiled
-def march_frozen(
-    a, b, force, constant, stretch, density_modes, n_freeze, decay, damping, amplitude, push, steps,
-    velocity_coordinates, density_coordinates,
-):  # fmt: skip
+def march_frozen(state, operators, forces, steps, kept):
     """Frozen coefficients, with ρ² kept on the particles between refreshes."""
+    a, b = state
+    force, constant, stretch, density_modes, n_freeze = operators
+    decay, damping, amplitude, push = forces
+    velocity_coordinates, density_coordinates = kept
     squares, rate = np.empty(density_modes.shape[1]), np.empty(density_modes.shape[1])
     kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
     old_a = a.copy()
@@ -727,11 +736,12 @@ def refresh(b, kr, products, tensor, matrix):
 
 
 @compiled
-def march_tensor(
-    a, b, force, constant, tensor, n_freeze, decay, damping, amplitude, push, steps,
-    velocity_coordinates, density_coordinates,
-):  # fmt: skip
+def march_tensor(state, operators, forces, steps, kept):
     """Frozen coefficients, wholly in reduced coordinates: no particle is seen."""
+    a, b = state
+    force, constant, tensor, n_freeze = operators
+    decay, damping, amplitude, push = forces
+    velocity_coordinates, density_coordinates = kept
     kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
     products = np.zeros(tensor.shape[0])
     flat = np.empty(tensor.shape[1])

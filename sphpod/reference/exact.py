@@ -21,6 +21,8 @@ Travelling waves, reflected or not, are exact to 1e-12 of the largest v0 at any 
 and jumps of v0 where they belong. A uniform force adds the same velocity everywhere. What it and
 the force of a mode do is integrated by `sphpod.numerics.propagator`, wherever in time the force
 jumps.
+
+Long: the three kinds of solution share forces and the search for folds.
 """
 
 from dataclasses import replace

@@ -210,10 +210,8 @@ def _solve(scene, refinement, shift):
     state[0, 0] = state[0, -1]
     state[1, :-1] = density0
     pace = _fastest_change(modulus, inertia, forces, spacing, dt)
-    failed = march(
-        state, material, forces, readers, scene.density0(), compliance, dt, steps, pace, velocity,
-        density,
-    )  # fmt: skip
+    at_particles = readers, scene.density0(), compliance
+    failed = march(state, material, forces, at_particles, (dt, steps, pace), (velocity, density))
     if failed >= 0:
         row, particle = divmod(failed, scene.particle_count)
         raise Breakdown(
@@ -345,12 +343,12 @@ def _compliance(scene):
 
 
 @compiled
-def stage(old, base, new, stress, material, forces, sample, dt):
+def stage(states, stress, material, forces, sample, dt):
     """new = base + dt rate(old), each the velocity with a ghost on its left, and the density.
 
     The new arrays must be none of the others: loops that may write what they read stay scalar.
     """
-    (v, rho), (base_v, base_rho), (new_v, new_rho) = old, base, new
+    (v, rho), (base_v, base_rho), (new_v, new_rho) = states
     modulus, density0, stretch, inertia = material
     damping, amplitude, profile = forces
     count = density0.size
@@ -402,26 +400,26 @@ def look(v, rho, density0, pace):
 
 
 @compiled
-def march(
-    state, material, forces, readers, particle_density0, compliance, dt, steps, pace, velocity,
-    density,
-):  # fmt: skip
+def march(state, material, forces, at_particles, schedule, kept):
     """Midpoint rule; keeps velocity and density at the particles.
 
-    ``state`` holds velocity and density, old, in the middle of a step and new, and the stress.
+    ``state`` holds velocity and density, old, in the middle of a step and new, and the stress;
+    ``schedule`` the step, those after which fields are kept, and `_fastest_change`.
     What is read of the strain is the stress, which no jump of the material interrupts, times the
     compliance at the particle; without compliances it is the density of the nodes.
     """
     old, middle, new = (state[0], state[1]), (state[2], state[3]), (state[4], state[5])
     stress, modulus, density0 = state[6], material[0], material[1]
-    nodes, node_weights, cells, cell_weights = readers
+    (nodes, node_weights, cells, cell_weights), particle_density0, compliance = at_particles
+    dt, steps, pace = schedule
+    velocity, density = kept
     count = velocity.shape[1]
     refinement = density0.size // count
     next_look, done = 1, 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
-            stage(old, old, middle, stress, material, forces, 2 * step, dt / 2)
-            stage(middle, old, new, stress, material, forces, 2 * step + 1, dt)
+            stage((old, old, middle), stress, material, forces, 2 * step, dt / 2)
+            stage((middle, old, new), stress, material, forces, 2 * step + 1, dt)
             old, new = new, old
             if step + 1 >= next_look:
                 node, sound = look(old[0][1:], old[1], density0, pace)

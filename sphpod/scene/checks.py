@@ -57,16 +57,23 @@ def check_setting(scene: Scene) -> None:
     def refuse(key, value, allowed):
         raise ValueError(f"scene {scene.name}: {key} = {value}: {allowed}")
 
+    _check_times(scene, refuse)
+    _check_particles(scene, refuse)
+    _check_work(scene, refuse)
+    parts = max(1, min(POINTS[0], POINTS[1] // scene.particle_count))
+    fine = np.arange(parts * scene.particle_count) * (scene.spacing / parts)
+    _check_profiles(scene, fine, refuse)
+    if scene.force_time is not None:
+        _check_force(scene, fine, refuse)
+
+
+def _check_times(scene, refuse):
+    """Refuse lengths and times that are not positive, or no whole numbers of each other."""
     for key in ("domain_length", "duration", "time_step", "error_interval"):
         value = getattr(scene, key)
         low, high = MEASURES
         if not low <= value <= high:
             refuse(key, number(value), f"it must be a positive number from {low:g} to {high:g}")
-    if not scene.smoothing_ratio > 0:
-        refuse("smoothing_ratio", number(scene.smoothing_ratio), "it must be a positive number")
-    count = scene.particle_count
-    if count < 5:
-        refuse("particle_count", count, "at least 5 particles are needed")
     for key, value in (("duration", scene.duration), ("error_interval", scene.error_interval)):
         if not is_whole(value, scene.time_step):
             refuse(
@@ -80,6 +87,15 @@ def check_setting(scene: Scene) -> None:
             number(scene.error_interval),
             f"the duration {number(scene.duration)} must be a whole number of error intervals",
         )
+
+
+def _check_particles(scene, refuse):
+    """Refuse particles that see none, or too many, of each other."""
+    count = scene.particle_count
+    if count < 5:
+        refuse("particle_count", count, "at least 5 particles are needed")
+    if not scene.smoothing_ratio > 0:
+        refuse("smoothing_ratio", number(scene.smoothing_ratio), "it must be a positive number")
     if neighbour_count(scene.smoothing_ratio) < 1:
         refuse(
             "smoothing_ratio",
@@ -118,9 +134,10 @@ def check_setting(scene: Scene) -> None:
             f"of jittered particles the kernel's support of 4h must fit into the domain; "
             f"at most {count / 4:g} is possible",
         )
-    _check_work(scene, refuse)
-    parts = max(1, min(POINTS[0], POINTS[1] // count))
-    fine = np.arange(parts * count) * (scene.spacing / parts)
+
+
+def _check_profiles(scene, fine, refuse):
+    """Refuse values that are not finite, or of a sign that nothing has."""
     velocity = scene.initial_velocity(x=fine)
     _check_values(scene, "initial_velocity", velocity, fine, refuse)
     _check_moving("initial_velocity", scene.initial_velocity.text, velocity, refuse)
@@ -144,19 +161,22 @@ def check_setting(scene: Scene) -> None:
                 scene.damping.text,
                 f"it is {values[worst]:g} at x = {fine[worst]:g} and must not be negative",
             )
-    if scene.force_time is not None:
-        times = scene.error_times
-        force = scene.force_time(t=times)
-        _check_values(scene, "force", force, times, refuse, "t")
-        _check_moving("force", scene.force_time.text, force, refuse)
-        if not _is_bounded(scene.force_time, scene.duration):
-            for course in scene.courses():
-                if not np.isnan(course.singular):
-                    _check_values(scene, "force", [np.nan], [course.singular], refuse, "t")
-        if scene.force_profile is not None:
-            profile = scene.force_profile(x=fine)
-            _check_values(scene, "force.profile", profile, fine, refuse)
-            _check_moving("force.profile", scene.force_profile.text, profile, refuse)
+
+
+def _check_force(scene, fine, refuse):
+    """Refuse a force that is not finite at some time or place."""
+    times = scene.error_times
+    force = scene.force_time(t=times)
+    _check_values(scene, "force", force, times, refuse, "t")
+    _check_moving("force", scene.force_time.text, force, refuse)
+    if not _is_bounded(scene.force_time, scene.duration):
+        for course in scene.courses():
+            if not np.isnan(course.singular):
+                _check_values(scene, "force", [np.nan], [course.singular], refuse, "t")
+    if scene.force_profile is not None:
+        profile = scene.force_profile(x=fine)
+        _check_values(scene, "force.profile", profile, fine, refuse)
+        _check_moving("force.profile", scene.force_profile.text, profile, refuse)
 
 
 def number(value: float) -> str:

@@ -4,6 +4,8 @@ The most restrictive mode is seeded: the eigenvector of its eigenvalue, in both 
 squares over both changes by |μ|² a step, without oscillation, so that few steps show the growth
 rate ln(E_n/E_0)/(2 n Δt) to rounding. The runs are those of the models themselves; the seed is
 small, so that those with nonlinear terms do not feel them.
+
+Long: the runs of every model are prepared in one form, by which they are compared.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping

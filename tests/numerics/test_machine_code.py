@@ -171,7 +171,7 @@ import numpy as np
 from sphpod.full.lifted import rates_of
 state, rates, none = np.zeros(10), np.empty(10), np.empty(0)
 state[0] = 1
-rates_of(state, np.zeros((2, 7)), np.ones(1), np.ones(5), np.ones(5), none, none, rates)
+rates_of(state, np.zeros((2, 7)), np.ones(1), (np.ones(5),) * 2, (none, none), rates)
 print(rates[-1].hex(), sum(rates_of.stats.cache_hits.values()))
 """
     assert numbers(start(package, program)) == (1, 0)

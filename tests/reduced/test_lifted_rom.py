@@ -423,6 +423,7 @@ def test_scipy_gets_the_same_of_the_stored_system(changes):
     full = exact(case)
     snapshots = {f"{name}_snapshots": full[name][::5] for name in ("velocity", "strain")}
     (solution,) = lifted_rom.solve_each(case, [4], lifted_rom.decompose(case, snapshots), METHOD)
+    assert not isinstance(solution, Breakdown)
     kept = lifted_rom.stored(solution)
     coordinates = ["scaled_velocity_coordinates", "scaled_strain_coordinates"]
     states = np.concatenate([kept[name] for name in coordinates], axis=1)
