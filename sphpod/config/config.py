@@ -34,7 +34,7 @@ from sphpod.config.scene_section import (
     known_names,
 )
 from sphpod.config.sizes import check_sizes
-from sphpod.config.stability_section import resolved_stability
+from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
 from sphpod.reduced import snapshots
 from sphpod.reference import exact
 from sphpod.scene import checks
@@ -150,6 +150,9 @@ def check_sampling(scene: scenes.Scene, name: str, sampling: Mapping[str, Any]) 
         within = "scenes", scene.name, "samplings"
         every = {"scenes": {scene.name: settings}}
         raise refusals.of_models(error, every, refusals.written_out(schema()), within) from None
+    if "from" in sampling:
+        allowed = "snapshots of a file are arrays, which decompositions take as they are"
+        raise refusal(scene.name, f"samplings.{name}.from", sampling["from"], allowed)
     settings["particle_count"] = scene.particle_count
     return _resolved_sampling(scene.name, name, settings, scene)
 
@@ -194,6 +197,8 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
             )
         if sampling not in scene["samplings"]:
             raise refusal(name, key, study, known_names("sampling", scene["samplings"]))
+        if "from" in scene["samplings"][sampling]:
+            raise refusal(name, key, study, WITHOUT_TIMES)
         for count in study["mode_counts"]:
             check_count(name, sampling, scene, f"{key}.mode_counts", str(count))
     figures = scene["figures"] if "figures" in scene else list(_default_figures(scene))
@@ -230,6 +235,14 @@ def _resolved_sampling(
 ) -> dict[str, Any]:
     settings = scene["samplings"][sampling]
     key = f"samplings.{sampling}"
+    if "from" in settings:
+        try:
+            settings |= snapshots.described(physics, settings["from"])
+        except ValueError as error:
+            raise refusal(name, f"{key}.from", settings["from"], str(error)) from None
+        modes = str(settings.get("mode_counts", usual_sweep(scene, sampling)))
+        check_count(name, sampling, scene, f"{key}.mode_counts", modes)
+        return {**settings, "mode_counts": modes}
     step, duration = physics.time_step, physics.duration
     latest = duration * (1 + 1e-9)  # for times that are the last one but for rounding
     if "range" in settings:

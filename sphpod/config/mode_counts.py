@@ -43,7 +43,9 @@ def mode_limit(scene: Mapping[str, Any], sampling: str) -> int:
     """The most modes that a sampling gives: the size of the larger of its two snapshot sets, but
     no more than there are particles."""
     times = scene["samplings"][sampling]
-    if "count" in times:
+    if "from" in times:
+        larger = max(times["counts"])
+    elif "count" in times:
         larger = times["count"]
     else:
         larger = max(len(times["velocity_times"]), len(times["density_times"]))

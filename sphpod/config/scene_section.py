@@ -84,18 +84,33 @@ class SampledTimes(Sampling):
     density_times: Times
 
 
+class SampledFile(Sampling):
+    """Snapshots of one's own."""
+
+    from_: str = Field(
+        alias="from",
+        description="NetCDF file of snapshots of one's own, of the scene's particles: "
+        "velocity_snapshots at velocity_time and density_snapshots at density_time, or velocity "
+        "and density at t",
+    )
+
+
 def _way_to_sample(keys):
     if not isinstance(keys, dict):
         return None
+    if "from" in keys:
+        return "<file>"
     return "<times>" if {"velocity_times", "density_times"} & set(keys) else "<range>"
 
 
 AnySampling = Annotated[
-    Annotated[SampledRange, Tag("<range>")] | Annotated[SampledTimes, Tag("<times>")],
+    Annotated[SampledRange, Tag("<range>")]
+    | Annotated[SampledTimes, Tag("<times>")]
+    | Annotated[SampledFile, Tag("<file>")],
     Discriminator(_way_to_sample),
     Field(
         description="given by range and count (evenly spaced, the right end excluded; with a seed, "
-        "distinct steps drawn at random), or by velocity_times and density_times"
+        "distinct steps drawn at random), by velocity_times and density_times, or by from (a file)"
     ),
 ]
 

@@ -73,6 +73,8 @@ def sizes(scene: Scene, settings: Mapping[str, Any]) -> Iterator[Size]:
             f"the force in {steps} time steps",
         )
     for name, sampling in settings.get("samplings", {}).items():
+        if "from" in sampling:
+            continue
         taken = mode_limit({**settings, "particle_count": scene.step_count + 1}, name)
         yield Size(
             f"samplings.{name}",

@@ -101,11 +101,18 @@ class Stability(Section):
     )
 
 
+WITHOUT_TIMES = "it must be a sampling at times, as snapshots of other runs are taken there too"
+
+
 def resolved_stability(
     settings: dict[str, Any], known: dict[str, Any], memory: float
 ) -> dict[str, Any]:
     """Check what is asked of stability; studies are of the first sampled scene if none is named."""
-    first = {name: next(iter(s["samplings"])) for name, s in known.items() if s["samplings"]}
+    first = {
+        name: timed[0]
+        for name, s in known.items()
+        if (timed := [one for one, taken in s["samplings"].items() if "from" not in taken])
+    }
     moving = {n: s for n, s in first.items() if _strains(scenes.Scene.from_settings(n, known[n]))}
     usual = dict(list(first.items())[:1])
     stability: dict[str, Any] = {
@@ -122,6 +129,8 @@ def resolved_stability(
             if sampling not in known[name]["samplings"]:
                 allowed = known_names("sampling", known[name]["samplings"])
                 raise refusal(None, f"{key}.{name}", sampling, allowed)
+            if study != "map" and "from" in known[name]["samplings"][sampling]:
+                raise refusal(None, f"{key}.{name}", sampling, WITHOUT_TIMES)
             if study == "amplitude" and not _strains(scenes.Scene.from_settings(name, known[name])):
                 allowed = "it must be a scene with an initial velocity that strains it when scaled"
                 raise refusal(None, key, name, allowed)

@@ -15,6 +15,7 @@ import numpy as np
 
 from sphpod.config.mode_counts import parse_modes
 from sphpod.config.reading import ConfigError
+from sphpod.numerics.error import FIELDS
 from sphpod.paper.criteria import CRITERIA, FILES
 from sphpod.studies.comparison import near_rounding
 
@@ -174,7 +175,10 @@ def _files(config, claim, one, scene, sampling) -> dict[str, str]:
 def _check_mode_number(claim, one, settings, sampling) -> None:
     """Refuse a criterion on more modes of a field than its snapshots give."""
     times = settings["samplings"][sampling]
-    there = times["count"] if "count" in times else len(times[f"{one['field']}_times"])
+    if "from" in times:
+        there = times["counts"][FIELDS.index(one["field"])]
+    else:
+        there = times["count"] if "count" in times else len(times[f"{one['field']}_times"])
     there = min(there, settings["particle_count"])
     needed = {
         "modes": one.get("modes", 0),

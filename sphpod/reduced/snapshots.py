@@ -1,6 +1,8 @@
 """When snapshots are taken, and taking them out of a full SPH solution."""
 
+import zlib
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -54,7 +56,8 @@ def output_steps(scene: Scene, samplings: Iterable[Mapping[str, Any]]) -> np.nda
     """
     wanted = [scene.error_steps]
     for sampling in samplings:
-        wanted.extend(sampling_steps(scene, sampling))
+        if "from" not in sampling:
+            wanted.extend(sampling_steps(scene, sampling))
     return np.unique(np.concatenate(wanted))
 
 
@@ -90,4 +93,70 @@ def extract(
             raise ValueError(f"scene {scene.name}: full SPH was not kept at every {field} snapshot")
         arrays[f"{field}_time"] = solution["t"][rows]
         arrays[f"{field}_snapshots"] = solution[field][rows]
+    return arrays
+
+
+def described(scene: Scene, path: str) -> dict[str, Any]:
+    """What is kept of a file of snapshots of one's own: how many, and a checksum of all its bytes.
+
+    Raises
+    ------
+    ValueError
+        As `own`.
+    """
+    found = own(scene, {"from": path})
+    return {
+        "counts": [len(found[f"{field}_snapshots"]) for field in FIELDS],
+        "checksum": f"{zlib.crc32(Path(path).read_bytes()):08x}",
+    }
+
+
+def own(scene: Scene, sampling: Mapping[str, Any]) -> dict[str, np.ndarray]:
+    """Snapshots of a NetCDF file of one's own, taken in place of those of full SPH.
+
+    Parameters
+    ----------
+    scene : Scene
+    sampling : dict
+        ``from``, the file: velocity_snapshots (n, N) [m/s] and density_snapshots (m, N) [kg/m³]
+        with velocity_time (n,) and density_time (m,) [s]; or velocity and density (n, N) with t.
+
+    Returns
+    -------
+    dict
+        As from `extract`.
+
+    Raises
+    ------
+    ValueError
+        There is no such file, it lacks one of these, or holds others: of other particles, not
+        finite, or of a density that is not positive; the message is the end of a sentence.
+    """
+    import netCDF4
+
+    path = sampling["from"]
+    try:
+        file = netCDF4.Dataset(path)
+    except OSError:
+        what = "no NetCDF file" if Path(path).exists() else "no such file"
+        raise ValueError(f"there is {what}") from None
+    arrays = {"x": scene.positions}
+    with file:
+        for field in FIELDS:
+            names = (f"{field}_snapshots", f"{field}_time")
+            if names[0] not in file.variables:
+                names = (field, "t")
+            if missing := [name for name in names if name not in file.variables]:
+                raise ValueError(f"it holds {', '.join(file.variables)}, but not {missing[0]}")
+            values, times = (np.ma.filled(file[name][...].astype(float), np.nan) for name in names)
+            if values.shape != (times.size, scene.particle_count) or not times.size:
+                raise ValueError(
+                    f"{names[0]} is of shape {values.shape}; needed is one row for each of the "
+                    f"{times.size} values of {names[1]} and a column for each of the "
+                    f"{scene.particle_count} particles"
+                )
+            if not np.isfinite(values).all() or (field == "density" and values.min() <= 0):
+                kind = "finite and positive" if field == "density" else "finite"
+                raise ValueError(f"{names[0]} must be {kind} everywhere")
+            arrays |= {f"{field}_time": times, f"{field}_snapshots": values}
     return arrays

@@ -1,6 +1,8 @@
 """YAML is read strictly: every fault ends, soon, in a sentence with file and line."""
 
+import numpy as np
 import pytest
+import xarray as xr
 import yaml
 
 from sphpod.config import config
@@ -189,3 +191,25 @@ def test_a_hidden_folder_is_an_output():
 def test_names_that_snakemake_or_a_disk_cannot_take_are_refused(name):
     with pytest.raises(ConfigError, match=r"scenes\.name = .*: allowed are lower-case letters"):
         config.load([], {"scenes": {name: SCENE}})
+
+
+def test_a_file_of_snapshots_is_checked_before_any_job(tmp_path):
+    few = {"samplings": {"mine": {"from": str(tmp_path / "mine.nc")}}}
+    (tmp_path / "mine.nc").write_text("no NetCDF")
+    with pytest.raises(ConfigError, match=r"samplings\.mine\.from = .*: there is no NetCDF file"):
+        config.load([], {"scenes": {"wave": SCENE | few}})
+    arrays = {"t": np.arange(3.0), "velocity": np.ones((3, 20)), "density": np.ones((3, 20))}
+    dims = {"t": ("t",), "velocity": ("t", "x"), "density": ("t", "x")}
+    data = xr.Dataset({name: (dims[name], values) for name, values in arrays.items()})
+    data.to_netcdf(tmp_path / "mine.nc", engine="netcdf4")
+    resolved = config.load([], {"scenes": {"wave": SCENE | few}})
+    taken = resolved["scenes"]["wave"]["samplings"]["mine"]
+    assert (taken["counts"], taken["mode_counts"]) == ([3, 3], "1-3")
+    assert resolved["stability"]["amplitude"] == {}
+    for more in (
+        {"scenes": {"wave": SCENE | few}, "stability": {"amplitude": {"wave": "mine"}}},
+        {"scenes": {"wave": SCENE | few | {"acceleration": {"mine": {
+            "mode_counts": [2], "n_freeze": [1]}}}}},
+    ):  # fmt: skip
+        with pytest.raises(ConfigError, match="it must be a sampling at times"):
+            config.load([], more)

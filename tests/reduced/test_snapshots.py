@@ -89,3 +89,47 @@ def test_a_solution_without_a_snapshot_time_is_refused():
     solution = sph.solve(case, case.error_steps)
     with pytest.raises(ValueError, match="was not kept at every velocity snapshot"):
         snapshots.extract(case, {"range": [0, 1], "count": 7}, solution)
+
+
+def test_a_file_of_ones_own_gives_the_same_snapshots(tmp_path):
+    """Taken from full SPH by hand, under either of the names that it may have."""
+    case, sampling = scene(), {"range": [0, 1], "count": 9}
+    full = sph.solve(case, snapshots.output_steps(case, [sampling]))
+    taken = snapshots.extract(case, sampling, full)
+    dims = {"x": ("x",), "velocity_snapshots": ("velocity_time", "x"),
+            "density_snapshots": ("density_time", "x")}  # fmt: skip
+    named = {name: (dims.get(name, (name,)), values) for name, values in taken.items()}
+    xr.Dataset(named).to_netcdf(tmp_path / "taken.nc", engine="netcdf4")
+    plain = {"t": taken["velocity_time"]} | {
+        field: (("t", "x"), taken[f"{field}_snapshots"]) for field in ("velocity", "density")
+    }
+    xr.Dataset(plain).to_netcdf(tmp_path / "plain.nc", engine="netcdf4")
+    for name in ("taken.nc", "plain.nc"):
+        path = str(tmp_path / name)
+        found = snapshots.own(case, {"from": path})
+        assert set(found) == set(taken)
+        for key, values in taken.items():
+            np.testing.assert_array_equal(found[key], values)
+        assert snapshots.described(case, path)["counts"] == [9, 9]
+
+
+@pytest.mark.parametrize(
+    ("change", "answer"),
+    [
+        ({"velocity": None}, "it holds t, density, but not velocity"),
+        ({"velocity": np.zeros((3, 7))}, r"velocity is of shape \(3, 7\); needed is one row for"),
+        ({"density": np.zeros((3, 40))}, "density must be finite and positive everywhere"),
+        ({"velocity": np.full((3, 40), np.nan)}, "velocity must be finite everywhere"),
+    ],
+)
+def test_files_that_are_no_snapshots_of_the_scene_are_refused(tmp_path, change, answer):
+    arrays = {"t": np.arange(3.0), "velocity": np.zeros((3, 40)), "density": np.ones((3, 40))}
+    held = {name: values for name, values in (arrays | change).items() if values is not None}
+    dims = {"t": ("t",), "velocity": ("t", "p"), "density": ("t", "x")}
+    xr.Dataset({name: (dims[name], values) for name, values in held.items()}).to_netcdf(
+        tmp_path / "mine.nc", engine="netcdf4"
+    )
+    with pytest.raises(ValueError, match=answer):
+        snapshots.own(scene(particle_count=40), {"from": str(tmp_path / "mine.nc")})
+    with pytest.raises(ValueError, match="there is no such file"):
+        snapshots.own(scene(), {"from": str(tmp_path / "nothing.nc")})

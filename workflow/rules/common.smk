@@ -435,6 +435,16 @@ def known_sampling(wildcards):
     return known(f"scene {wildcards.scene}: sampling", wildcards.sampling, samplings)
 
 
+def is_own(wildcards):
+    """Whether a sampling is a file of somebody's own, which depends on no solution."""
+    return "from" in SCENES[wildcards.scene]["samplings"][wildcards.sampling]
+
+
+def snapshot_inputs(wildcards):
+    known_sampling(wildcards)
+    return {} if is_own(wildcards) else {"solution": f"<results>/{wildcards.scene}/sph.nc"}
+
+
 def known_study(wildcards):
     known_scene(wildcards)
     studies = SCENES[wildcards.scene]["acceleration"]

@@ -3,15 +3,16 @@
 
 use rule reference as snapshots with:
     input:
-        known_sampling,
-        solution="<results>/{scene}/sph.nc",
+        unpack(snapshot_inputs),
     output:
         "<results>/{scene}/{sampling}/snapshots.nc",
     log:
         "<logs>/{scene}/{sampling}/snapshots.log",
     params:
         **computed(
-            "reduced.rounding.sampled",
+            lambda wildcards: (
+                "reduced.snapshots.own" if is_own(wildcards) else "reduced.rounding.sampled"
+            ),
             all_times=True,
             of_sampling=True,
             sampling=sampling_settings,
