@@ -232,7 +232,9 @@ class _Plain(ast.NodeTransformer):
         if isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
             return None
         called = getattr(node.value, "func", None)
-        if (getattr(called, "attr", None) or getattr(called, "id", None)) in WORDED:
+        name = getattr(called, "attr", None) or getattr(called, "id", None)
+        of = getattr(getattr(called, "value", None), "id", None)
+        if name in WORDED or (of, name) == ("logger", "log"):
             return _Wordless().visit(node)
         return self.generic_visit(node)
 

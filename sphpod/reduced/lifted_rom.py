@@ -32,7 +32,7 @@ from sphpod.numerics.error import FIELDS, blocks, share
 from sphpod.numerics.propagator import Jumps
 from sphpod.reduced.pod import Modes, checked, named, resolved
 from sphpod.reduced.pod import modes as proper_modes
-from sphpod.reduced.sweep import failed, sweep
+from sphpod.reduced.sweep import failed, report_level, sweep
 from sphpod.scene.breakdown import RESOLVED, Breakdown, first_broken
 from sphpod.scene.scene import Scene
 
@@ -142,7 +142,12 @@ def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np
     )
 
 
-def build(scene: Scene, modes: Mapping[str, np.ndarray], count: int | None = None) -> "LiftedModel":
+def build(
+    scene: Scene,
+    modes: Mapping[str, np.ndarray],
+    count: int | None = None,
+    level: int = logging.WARNING,
+) -> "LiftedModel":
     """Model with so many velocity modes, and a strain mode for each wave.
 
     Where the snapshots hold fewer, the model has all there are, and the log reports it.
@@ -154,12 +159,15 @@ def build(scene: Scene, modes: Mapping[str, np.ndarray], count: int | None = Non
         As from `decompose`.
     count : int, optional
         Velocity modes; all there are if not given.
+    level : int
+        At what level of logging fewer are reported.
     """
     velocity_modes = modes["scaled_velocity_modes"][:count]
     rigid = int(modes["translation"])
     strain_modes = modes["scaled_strain_modes"][: len(velocity_modes) - rigid]
     if count is not None and min(len(velocity_modes), len(strain_modes) + rigid) < count:
-        logger.warning(
+        logger.log(
+            level,
             "scene %s: %d modes asked for, the snapshots hold %d of velocity and %d of strain",
             scene.name, count, len(modes["scaled_velocity_modes"]),
             len(modes["scaled_strain_modes"]),
@@ -546,8 +554,9 @@ def solve_each(
     scene: Scene, mode_counts: Iterable[int], modes: Mapping[str, np.ndarray], method: str
 ) -> Iterator[tuple[Prepared, np.ndarray] | Breakdown]:
     """A prepared model and its coordinates for each mode count, or how it broke down."""
-    for count in mode_counts:
-        prepared = build(scene, modes, count).prepare(method)
+    counts = list(mode_counts)
+    for count in counts:
+        prepared = build(scene, modes, count, report_level(counts)).prepare(method)
         try:
             yield prepared, prepared.solve()
         except Breakdown as breakdown:

@@ -28,7 +28,7 @@ from sphpod.full.sph import SOUND
 from sphpod.numerics.compiled import compiled, compiled_sums
 from sphpod.numerics.error import FIELDS, blocks, project_solution
 from sphpod.reduced.pod import resolved
-from sphpod.reduced.sweep import failed
+from sphpod.reduced.sweep import failed, report_level
 from sphpod.reduced.sweep import sweep as repeat
 from sphpod.scene.breakdown import RESOLVED, Breakdown, first_broken
 from sphpod.scene.scene import ABSENT, Scene
@@ -357,7 +357,7 @@ def sweep(
             **models[0].system(),
         }
 
-    models = [model(scene, method, modes, count) for count in counts]
+    models = [model(scene, method, modes, count, report_level(counts)) for count in counts]
     found = (broken or reduced for *reduced, broken in solve_each(models, scene.error_steps))
     arrays = repeat(counts, found, measure, failed(FIELDS, *solutions), kept)
     return arrays | {"modes_resolved": modes_resolved(modes, counts)}
@@ -467,11 +467,18 @@ def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np
     return velocity & density
 
 
-def model(scene: Scene, method: str, modes: Mapping[str, np.ndarray], count: int) -> ReducedModel:
+def model(
+    scene: Scene,
+    method: str,
+    modes: Mapping[str, np.ndarray],
+    count: int,
+    level: int = logging.WARNING,
+) -> ReducedModel:
     """Model with so many modes for velocity and density each, or all, as the log reports."""
     velocity_modes, density_modes = (modes[f"{field}_modes"] for field in FIELDS)
     if min(len(velocity_modes), len(density_modes)) < count:
-        logger.warning(
+        logger.log(
+            level,
             "scene %s: %d modes asked for, the snapshots hold %d of velocity and %d of density",
             scene.name, count, len(velocity_modes), len(density_modes),
         )  # fmt: skip

@@ -1,6 +1,7 @@
 """Errors of a reduced model for several mode counts, whichever model it is."""
 
-from collections.abc import Callable, Iterable, Mapping
+import logging
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TypeVar
 
 import numpy as np
@@ -61,3 +62,8 @@ def sweep(
 def failed(fields: Iterable[str], *against: str) -> dict[str, float]:
     """Columns of errors of fields against solutions, infinite where a model broke down."""
     return {f"{field}_error_{one}": np.inf for one in against for field in fields}
+
+
+def report_level(mode_counts: Sequence[int]) -> int:
+    """Level at which too few modes are reported: who asks for one count is warned, a sweep not."""
+    return logging.WARNING if len(mode_counts) == 1 else logging.INFO

@@ -267,6 +267,7 @@ def test_more_modes_than_there_are_is_reported_of(caplog):
     modes["density_modes"] = modes["density_modes"][:5]
     full = sph.solve(case, case.error_steps)
     rom.sweep(case, "original", [5], modes, full, full)
+    rom.sweep(case, "original", [5, 9], modes, full, full)
     assert not caplog.messages
     rom.sweep(case, "original", [9], modes, full, full)
     assert caplog.messages == [
