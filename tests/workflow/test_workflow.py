@@ -789,6 +789,32 @@ def test_captions_and_sections_of_a_report_are_text(built, tmp_path):
     assert (built / "text/.gitignore").read_text() == "*\n"
 
 
+def test_another_workflow_may_use_this_one_as_a_module(built, tmp_path):
+    settings = yaml.safe_load((built / "config/small.yaml").read_text())
+    del settings["claims"]  # which YAML 1.1, as Snakemake reads it, takes for other values
+    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(settings))
+    (tmp_path / "Snakefile").write_text(
+        f'''
+configfile: "mine.yaml"
+module sphpod:
+    snakefile: "{built / "Snakefile"}"
+    config: config
+use rule * from sphpod as sphpod_*
+rule mine:
+    default_target: True
+    input: "small/results/waves/errors.nc"
+    output: "mine.txt"
+    shell: "echo {{input}} > {{output}}"
+'''
+    )
+    run = subprocess.run(command(), cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    theirs, ours = (
+        dataset.read(root / "small/results/waves/errors.nc") for root in (tmp_path, built)
+    )
+    np.testing.assert_array_equal(theirs["velocity_error"], ours["velocity_error"])
+
+
 def test_the_report_shows_every_figure(built):
     run = snakemake(built, "--report", "report.html")
     assert run.returncode == 0, run.stderr

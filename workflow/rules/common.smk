@@ -26,7 +26,8 @@ from sphpod.scene.kernel import derivative_coefficient
 from sphpod.scene.scene import PHYSICS_KEYS, Scene
 from sphpod.studies.study import studies as declared_studies
 
-ROOT = Path(workflow.basedir)
+# That of this file, which may be a module of another workflow.
+ROOT = Path(workflow.current_basedir).parents[1]
 
 # The package beside this workflow, whose code the digests name, goes before any installed one.
 os.environ.update(PYTHONPATH=f"{ROOT}{os.pathsep}{os.environ.get('PYTHONPATH', '')}")
@@ -38,11 +39,15 @@ def stop(sentence):
 
 
 try:
-    # A configuration that is asked for replaces the paper's; `configfile:` would merge the two.
-    CONFIG = load(
-        workflow.overwrite_configfiles or [ROOT / "config/config.yaml"],
-        overrides=typed(workflow.config_settings.config),
-    )
+    if config and Path(workflow.basedir) != ROOT:
+        # What the workflow gives that uses this one as a module.
+        CONFIG = load([], overrides=typed(config))
+    else:
+        # A configuration that is asked for replaces the paper's; `configfile:` would merge the two.
+        CONFIG = load(
+            workflow.overwrite_configfiles or [ROOT / "config/config.yaml"],
+            overrides=typed(workflow.config_settings.config),
+        )
     CLAIMS = claims.resolve(CONFIG)
 except ConfigError as error:
     stop(error)
