@@ -178,8 +178,6 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
         physics = scenes.Scene.from_settings(name, scene)
         check_sizes(physics, scene, memory)
         checks.check(physics)
-    except ConfigError:
-        raise
     except ValueError as error:
         by_default = "error_interval" not in settings and "error_interval =" in str(error)
         hint = " (this is the default T/10000; another can be set)" if by_default else ""

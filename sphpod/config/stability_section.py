@@ -202,8 +202,6 @@ def _edge_scene(
         physics = scenes.Scene.from_settings(name, scene)
         check_sizes(physics, scene, memory)
         checks.check_setting(physics)
-    except ConfigError:
-        raise
     except ValueError as error:
         raise ConfigError(str(error)) from error
     return scene

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import xarray as xr
-import yaml
 
 from sphpod.config import config
 from sphpod.config.reading import LARGEST_FILE, ConfigError, read_yaml, typed
@@ -68,14 +67,17 @@ def test_a_variant_of_a_scene_names_only_what_differs(read):
     assert merged == {"base": {"x": 1, "y": 2}, "other": {"x": 1, "y": 3}}
 
 
+@pytest.mark.parametrize("text", ["true", "2e-4", "-7", "x", "010", "yes", "1-20", "1e-3*x"])
+def test_a_text_of_a_command_line_is_what_it_is_in_a_file(read, text):
+    in_file = read(f"key: {text}")["key"]
+    assert typed(text) == in_file
+    assert type(typed(text)) is type(in_file)
+
+
 def test_settings_of_a_command_line_are_what_they_are_in_a_file():
     """Snakemake takes what lies below the first level for text."""
     given = {"benchmark": {"repeats": "3", "counts": ["1e3", "1-20"]}, "output": "mine"}
     assert typed(given) == {"benchmark": {"repeats": 3, "counts": [1e3, "1-20"]}, "output": "mine"}
-    for text in ("true", "2e-4", "-7", "null", "", "x", "010", "yes"):
-        as_file = yaml.safe_load("1") if text == "1" else None
-        assert as_file is None
-        assert typed(typed(text)) == typed(text)
 
 
 SCENE = {
@@ -154,6 +156,12 @@ def test_what_takes_too_much_is_refused_before_it_is_tried(changes, answer):
     with pytest.raises(ConfigError) as caught:
         config.load([], {"scenes": {"wave": SCENE | changes}})
     assert str(caught.value).startswith(f"scene wave: {answer}")
+
+
+def test_outputs_that_nobody_asked_for_are_named_as_the_default():
+    scene = {key: value for key, value in (SCENE | MANY).items() if key != "error_interval"}
+    with pytest.raises(ConfigError, match=r"take 40 GB; .* \(this is the default T/10000; another"):
+        config.load([], {"scenes": {"wave": scene}})
 
 
 def test_the_limit_of_memory_can_be_set():
