@@ -214,7 +214,9 @@ def _panels(courses, interval, intervals):
         if panel > 1 and np.count_nonzero(~smooth) > ROUGH * smooth.size:
             continue
         for course in courses:
-            limit = PANEL_ACCURACY * course.total / (intervals * interval)
+            # Nearer than the course itself is known, as its times are rounded, nothing can be.
+            known = course.missed if np.isfinite(course.missed) else 0
+            limit = max(PANEL_ACCURACY * course.total, known) / (intervals * interval)
             smooth &= course.departures(edges[:-1], edges[1:]) <= limit
         if np.count_nonzero(~smooth) <= ROUGH * smooth.size:
             break

@@ -199,6 +199,19 @@ def test_a_force_is_evaluated_at_few_times():
         np.testing.assert_array_equal(jumps.rough, rough)
 
 
+def test_a_force_of_thousands_of_periods_is_smooth_to_what_its_times_allow():
+    """Rounding of t alone changes it by more than 1e-12; that makes no interval rough."""
+    outputs, interval, frequency = 5001, 1e-3, 3000
+    courses = follow(interval, outputs, wave(frequency))
+    block, force = np.zeros((1, 2, 2)), np.array([[[1.0, 0]]])
+    jumps = propagator.prepare(block, 1, force, interval, outputs, courses)
+    assert jumps.rough.size == 0
+    state = np.zeros((1, outputs))
+    jumps.run(state)
+    expected = np.sin(frequency * interval * np.arange(outputs)) / frequency
+    np.testing.assert_allclose(state[0], expected, rtol=0, atol=1e-10)
+
+
 @settings(deadline=None, max_examples=60)
 @given(
     models(), st.sampled_from([None, *FORCES]), st.floats(1e-3, 0.03), st.integers(1, 40),
