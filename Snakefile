@@ -12,7 +12,6 @@ snakemake --cores 2 stability                           where every method is st
 include: "workflow/rules/common.smk"
 include: "workflow/rules/solve.smk"
 include: "workflow/rules/reduce.smk"
-include: "workflow/rules/benchmark.smk"
 include: "workflow/rules/studies.smk"
 include: "workflow/rules/report.smk"
 include: "workflow/rules/records.smk"
@@ -33,8 +32,7 @@ rule all:
     default_target: True
     input:
         expand("<figures>/{name}.{form}", name=FIGURES, form=["pdf", "png"]),
-        "<results>/acceleration.csv" if studies("cpu_time.nc") else [],
-        "<results>/step_time.csv" if of_step_scene("step_time.nc") else [],
+        tables("all"),
         expand("<results>/claims.{form}", form=["csv", "md"]) if CLAIMS else [],
         expand("<results>/{table}.csv", table=["conventions", "reference_errors"])
         if paper.applies(CONFIG)
@@ -50,13 +48,12 @@ rule benchmarks:
     input:
         rules.lifted.input,
         expand("<figures>/{name}.{form}", name=BENCHMARK_FIGURES, form=["pdf", "png"]),
-        "<results>/cpu_time.csv" if studies("benchmark.nc") else [],
-        "<results>/skipping.csv" if of_step_scene("skipping.nc") else [],
+        tables("benchmarks"),
 
 
 rule stability:
     input:
         expand("<figures>/{name}.{form}", name=STABILITY_FIGURES, form=["pdf", "png"]),
-        [f"<results>/{table}.csv" for table, (_, datasets) in TABLES.items() if datasets],
+        tables("stability"),
         # Full SPH of every scene holds in its attributes and its log what is predicted of it.
         expand("<results>/{scene}/sph.nc", scene=SCENES),

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from sphpod.config import refusals
 from sphpod.config.configuration import schema, study_sections
-from sphpod.studies.study import studies
+from sphpod.studies.study import figure_parts, studies
 
 HEAD = """# Reference
 
@@ -46,7 +46,7 @@ def of_study(word, study):
         caption = study.drawing.caption.replace(": {scene}, snapshots {sampling}", "")
         files.append(
             (
-                f"`../figures/stability_{word.removeprefix('stability_')}{each}.pdf`",
+                f"`../figures/{'_'.join(figure_parts(word, study))}{each}.pdf`",
                 caption,
                 "`figure`",
             )
@@ -55,7 +55,11 @@ def of_study(word, study):
         (f"`{name}`", f"({', '.join(meaning.dims)})", meaning.units, meaning.long_name)
         for name, meaning in study.variables.items()
     ]
-    parts = [f"### {word}", summary, table(("File", "What it holds", "Rule"), files)]
+    parts = [
+        f"### {word}",
+        f"{summary} Target `{study.target}`.",
+        table(("File", "What it holds", "Rule"), files),
+    ]
     if variables:
         parts.append(table(("Variable", "Dimensions", "Unit", "Meaning"), variables))
     return "\n\n".join(parts)

@@ -15,7 +15,7 @@ from sphpod.scene import checks
 from sphpod.scene import scene as scenes
 from sphpod.scene.kernel import neighbour_count
 
-STABILITY_STUDIES = ("map", "amplitude", "snapshots")
+STABILITY_STUDIES = ("stability_map", "amplitude", "poor_snapshots")
 """Studies of one sampling of a scene, each for the scenes that it names."""
 
 
@@ -87,16 +87,16 @@ class Stability(Section):
         min_length=1,
         description="noise of poor snapshots, of what moves (dimensionless)",
     )
-    map: Sampled = left_out(
+    stability_map: Sampled = left_out(
         description="scenes of which stability is mapped, each with the sampling of its modes"
     )
     amplitude: Sampled = left_out(
         description="scenes whose initial velocity is scaled up, each with its sampling"
     )
-    snapshots: Sampled = left_out(
+    poor_snapshots: Sampled = left_out(
         description="scenes of which poor snapshots are taken, each with its sampling"
     )
-    scenes: dict[SceneName, Scene] = Field(
+    edge_scenes: dict[SceneName, Scene] = Field(
         {}, description="scenes at the edge of what can be computed, by name"
     )
 
@@ -129,7 +129,7 @@ def resolved_stability(
             if sampling not in known[name]["samplings"]:
                 allowed = known_names("sampling", known[name]["samplings"])
                 raise refusal(None, f"{key}.{name}", sampling, allowed)
-            if study != "map" and "from" in known[name]["samplings"][sampling]:
+            if study != "stability_map" and "from" in known[name]["samplings"][sampling]:
                 raise refusal(None, f"{key}.{name}", sampling, WITHOUT_TIMES)
             if study == "amplitude" and not _strains(scenes.Scene.from_settings(name, known[name])):
                 allowed = "it must be a scene with an initial velocity that strains it when scaled"
@@ -145,8 +145,9 @@ def resolved_stability(
                     f"which has {scene['particle_count']} particles",
                 )
     _check_runs(stability, known)
-    stability["scenes"] = {
-        name: _edge_scene(name, scene, known, memory) for name, scene in stability["scenes"].items()
+    stability["edge_scenes"] = {
+        name: _edge_scene(name, scene, known, memory)
+        for name, scene in stability["edge_scenes"].items()
     }
     return stability
 
@@ -190,7 +191,7 @@ def _edge_scene(
     name: str, settings: dict[str, Any], others: Mapping[str, Any], memory: float
 ) -> dict[str, Any]:
     """A scene at the edge, which explicit Euler need not be able to step."""
-    key = f"stability.scenes.{name}"
+    key = f"stability.edge_scenes.{name}"
     if name in others:
         raise refusal(None, key, "...", "this name is taken by a scene; every one needs its own")
     for given, value in settings.items():

@@ -23,6 +23,7 @@ from sphpod.reference import exact, reference
 from sphpod.scene import waves
 from sphpod.scene.scene import Scene
 from sphpod.studies import timing
+from sphpod.studies.study import Dataset, Drawing, Study, accelerated
 
 MODE_COUNTS = (4, 8, 12, 16, 20)
 """Mode counts that every reduced model is run with, as far as the snapshots give them."""
@@ -351,3 +352,102 @@ def _lifted_model(scene, method, count, modes, buffers):
         projection_seconds=seconds,
         resolved=bool(lifted_rom.modes_resolved(modes, [count])[0]),
     )
+
+
+def rows(
+    place: Mapping[str, str], measured: Mapping[str, np.ndarray], settings: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Columns of the benchmark's table, a row a contender.
+
+    Speed-ups are ratios of medians: against full SPH with neighbour lists and with one stencil;
+    against the fastest explicit Euler full model with the scene's particles and time step, in
+    density or strain; and against the fastest full model of all whose errors against the exact
+    solution are not above those of full SPH.
+
+    Parameters
+    ----------
+    place : dict
+        scene and sampling.
+    measured : dict
+        As from ``compare``.
+    settings : dict
+        Those that a dataset holds; of them, the machine.
+    """
+    lower, median, upper = np.quantile(measured["cpu_seconds"], (0.25, 0.5, 0.75), axis=1)
+    both = measured["cpu_seconds"] + measured["reconstruction_seconds"]
+    offline = measured["offline_seconds"]
+    baselines = {name: median[row] for name, row in _baselines(measured, median).items()}
+    return {
+        **place,
+        "method": measured["contender"],
+        "modes": measured["contender_mode_count"],
+        "modes_resolved": measured["contender_modes_resolved"].astype(bool),
+        "n_freeze": measured["n_freeze"],
+        "integrator": measured["integrator"],
+        "particle_count": measured["contender_particle_count"],
+        "time_step": measured["contender_time_step"],
+        "tolerance": measured["contender_tolerance"],
+        "error_velocity": measured["velocity_error_full"],
+        "error_density": measured["density_error_full"],
+        "error_velocity_exact": measured["velocity_error_exact"],
+        "error_density_exact": measured["density_error_exact"],
+        "cpu_seconds": median,
+        "cpu_seconds_interquartile_range": upper - lower,
+        "cpu_seconds_with_fields": np.median(both, axis=1),
+        "repeats": measured["cpu_seconds"].shape[1],
+        "offline_snapshots_seconds": offline[:, 0],
+        "offline_modes_seconds": offline[:, 1],
+        "offline_projection_seconds": offline[:, 2],
+        **{f"speedup_against_{name}": base / median for name, base in baselines.items()},
+        "machine": settings["machine"]["processor"],
+    }
+
+
+def _baselines(measured, median):
+    """Rows of the models that speed-ups are relative to."""
+    methods, integrators = measured["contender"], measured["integrator"]
+    own = {name: int(np.flatnonzero(methods == name)[0]) for name in timing.BASELINES}
+    first = own["sph_stencil"]
+    alike = (
+        (integrators == "explicit_euler")
+        & (measured["contender_mode_count"] == 0)
+        & (measured["contender_particle_count"] == measured["contender_particle_count"][first])
+        & (measured["contender_time_step"] == measured["contender_time_step"][first])
+    )
+    accurate = measured["contender_mode_count"] == 0
+    for field in FIELDS:
+        errors = measured[f"{field}_error_exact"]
+        # Neighbour lists and stencil, density and strain differ by less than this.
+        accurate &= errors <= 1.001 * errors[first]
+    return own | {
+        "fastest_explicit_euler": int(np.argmin(np.where(alike, median, np.inf))),
+        "fastest_full_model": int(np.argmin(np.where(accurate, median, np.inf))),
+    }
+
+
+STUDY = Study(
+    target="benchmarks",
+    datasets={
+        "benchmark": Dataset(
+            compute="studies.benchmark.compare",
+            message="{scene}: run time against error of every method, snapshots {sampling}",
+            of_sampling=True,
+            reads={"taken": "snapshots.nc", "full": "../sph.nc"},
+            arguments={
+                "sampling": "sampling",
+                "study": "acceleration",
+                "repeats": "benchmark.repeats",
+            },
+            alone=True,
+            places=accelerated,
+        )
+    },
+    tables={"benchmark": ("studies.benchmark.rows", "benchmark")},
+    drawing=Drawing(
+        draw="figures.benchmark_plots.work_precision",
+        caption="CPU time against error, all methods, mode counts and integrators: {scene},"
+        " snapshots {sampling}.",
+        reads={"benchmark": ("benchmark",)},
+        places=accelerated,
+    ),
+)

@@ -63,7 +63,7 @@ def _first(sweep, chosen):
     return int(counts[0]) if counts.size else None
 
 
-def effectivities(place: Mapping[str, Any], sweep: Arrays) -> Iterator[dict[str, Any]]:
+def effectivity(place: Mapping[str, Any], sweep: Arrays) -> Iterator[dict[str, Any]]:
     """How far the bounds of a sweep of ``lifted_exact`` are above its errors, a row a mode count.
 
     An effectivity is NaN where there is no error.
@@ -99,7 +99,7 @@ def certificates(
 ) -> Iterator[dict[str, Any]]:
     """Which k of a sweep meets each tolerance, and whether its bound certifies it, in a word.
 
-    Parameters are those of `effectivities`; the last row gives the smallest tolerance that any k of
+    Parameters are those of `effectivity`; the last row gives the smallest tolerance that any k of
     the sweep certifies.
     """
     counts, bounds = sweep["mode_count"], sweep["energy_error_bound"]

@@ -17,7 +17,7 @@ from sphpod.full import lifted, sph
 from sphpod.pipeline.dataset import Variable
 from sphpod.scene.scene import Scene
 from sphpod.studies import timing
-from sphpod.studies.study import Dataset, Study, scenes
+from sphpod.studies.study import EVEN, Dataset, Study, scenes
 
 ALLOWED = 0.02
 """Part of a full model's time that watching may take."""
@@ -125,9 +125,9 @@ STUDY = Study(
             compute="studies.detection.measure",
             message="{scene}: what it costs to watch for a breakdown",
             arguments={"repeats": "benchmark.repeats"},
-            needs=("is_even", "with evenly spaced particles"),
+            needs=EVEN,
             alone=True,
-            places=partial(scenes, needs="is_even"),
+            places=partial(scenes, needs=EVEN),
         )
     },
     tables={"detection": ("studies.detection.rows", "detection")},

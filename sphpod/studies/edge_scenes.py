@@ -272,8 +272,8 @@ STUDY = Study(
         "edge_scenes": Dataset(
             compute="studies.edge_scenes.study",
             message="{scene}: what must hold of a scene at the edge",
-            places=lambda config: [(name,) for name in config["stability"]["scenes"]],
-            own_scenes="stability.scenes",
+            places=lambda config: [(name,) for name in config["stability"]["edge_scenes"]],
+            own_scenes="stability.edge_scenes",
         )
     },
     tables={"edge_scenes": ("studies.edge_scenes.rows", "edge_scenes")},

@@ -262,7 +262,7 @@ STUDY = Study(
                 ),
             },
             needs=UNDAMPED,
-            places=partial(scenes, needs=UNDAMPED[0]),
+            places=partial(scenes, needs=UNDAMPED),
         )
     },
     tables={"growth": ("studies.growth.rows", "growth")},

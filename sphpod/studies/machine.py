@@ -179,7 +179,7 @@ STUDY = Study(
             alone=True,
             places=lambda config: dict.fromkeys(
                 place
-                for study in ("snapshots", "amplitude", "map")
+                for study in ("poor_snapshots", "amplitude", "stability_map")
                 for place in config["stability"][study].items()
             ),
         )

@@ -24,7 +24,7 @@ from sphpod.reference import exact, reference
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
 from sphpod.scene.waves import fastest_wave
-from sphpod.studies.study import Dataset, Drawing, Setting, Study, scenes
+from sphpod.studies.study import EVEN, Dataset, Drawing, Setting, Study, scenes
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -319,8 +319,8 @@ STUDY = Study(
             compute="studies.observed_order.study",
             message="{scene}: observed orders of convergence",
             arguments={"levels": "studies.observed_order.levels"},
-            needs=("is_even", "with evenly spaced particles"),
-            places=lambda config: scenes(config, "is_even"),
+            needs=EVEN,
+            places=lambda config: scenes(config, EVEN),
         )
     },
     tables={"observed_order": ("studies.observed_order.rows", "observed_order")},

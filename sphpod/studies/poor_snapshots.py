@@ -287,7 +287,7 @@ STUDY = Study(
                 "mode_count": "largest_mode_count",
                 "seed": lambda scene, setting: 0,
             },
-            places=lambda config: config["stability"]["snapshots"].items(),
+            places=lambda config: config["stability"]["poor_snapshots"].items(),
         )
     },
     tables={"poor_snapshots": ("studies.poor_snapshots.rows", "poor_snapshots")},
@@ -295,7 +295,7 @@ STUDY = Study(
         draw="figures.stability_plots.poor_snapshots",
         caption="Errors and their bounds with poor snapshots: {scene}, snapshots {sampling}.",
         reads={"snapshots": ("poor_snapshots",)},
-        places=lambda config: config["stability"]["snapshots"].items(),
+        places=lambda config: config["stability"]["poor_snapshots"].items(),
     ),
     variables={
         "noise": Variable(

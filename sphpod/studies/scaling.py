@@ -6,16 +6,19 @@ depend on which modes they are. For a lifted model a step is a jump from output 
 """
 
 import tracemalloc
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.rom import ReducedModel
+from sphpod.reference import exact
 from sphpod.scene.scene import Scene
 from sphpod.studies import timing
+from sphpod.studies.study import Dataset, Drawing, Study, step_scene
 
 WORK = 2e7
 """Products that a timed run takes, about, which decides how many steps it has."""
@@ -28,6 +31,9 @@ MODE_COUNT = 12
 
 CONTENDERS = ("sph_neighbour_lists", "sph_stencil", "lifted_full_stencil")
 REDUCED = ("original", "frozen10", "lifted_exact")
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Run = Callable[[], object]
 
@@ -133,3 +139,43 @@ def _waves(count: int, modes: int) -> Iterator[np.ndarray]:
         harmonic = (mode + 1) // 2
         row = np.sin(harmonic * x) if mode % 2 else np.cos(harmonic * x)
         yield row / np.linalg.norm(row)
+
+
+def draw(scalings: Mapping[tuple[str, ...], Mapping[str, np.ndarray]]) -> "Figure":
+    """Draw what `measure` gives of the one place, the scene whose steps are timed."""
+    from sphpod.figures import benchmark_plots
+
+    (scaling,) = scalings.values()
+    return benchmark_plots.scaling(scaling)
+
+
+def is_plain(scene: Scene) -> bool:
+    """Whether a scene lacks all that a scene may lack: damping, force, and material that varies."""
+    return exact.kind(scene) == "dalembert" and scene.force_time is None
+
+
+PLAIN = is_plain, "without damping, force or layers"
+"""What a scene may lack is left out of one that lacks it all."""
+
+STUDY = Study(
+    target="benchmarks",
+    datasets={
+        "scaling": Dataset(
+            compute="studies.scaling.measure",
+            message="{scene}: time and memory of a step against particles and modes",
+            arguments={
+                "particle_counts": "benchmark.particle_counts",
+                "mode_counts": "benchmark.mode_counts",
+                "repeats": "benchmark.repeats",
+            },
+            needs=PLAIN,
+            alone=True,
+            places=step_scene,
+        )
+    },
+    drawing=Drawing(
+        draw="studies.scaling.draw",
+        caption="Time and memory of a step against particles and modes, full and reduced models.",
+        reads={"scalings": ("scaling",)},
+    ),
+)

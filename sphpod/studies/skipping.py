@@ -4,9 +4,9 @@ Each thing that a scene may lack is run twice, by the model that leaves it out a
 one that is given zeros, or the general structure, in its place. Both give the same result.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,7 +16,8 @@ from sphpod.reduced import lifted_rom
 from sphpod.reference import exact, reference
 from sphpod.scene.scene import Scene
 from sphpod.studies import timing
-from sphpod.studies.scaling import waves
+from sphpod.studies.scaling import PLAIN, waves
+from sphpod.studies.study import Dataset, Study, step_scene
 
 MODES = 12
 
@@ -127,3 +128,51 @@ def _pairs(scene: Scene) -> list[Pair]:
             lambda: reference.solve_centred(coarse, estimate_error=True),
         ),
     ]
+
+
+def rows(
+    place: Mapping[str, str], measured: Mapping[str, np.ndarray], settings: Mapping[str, Any]
+) -> dict[str, Any]:
+    """Median times without and with what a scene may lack, their spread, and the median ratio.
+
+    The ratio is taken turn by turn, so that it does not drift with the machine's speed.
+
+    Parameters
+    ----------
+    place : dict
+        scene and sampling.
+    measured : dict
+        As from ``measure``.
+    settings : dict
+        Those that a dataset holds; of them, particle_count and the machine.
+    """
+    columns: dict[str, Any] = {
+        "scene": place["scene"],
+        "particle_count": settings["particle_count"],
+        "skipped": measured["skipped"],
+        "model": measured["skipping_model"],
+    }
+    for name in ("skipping_seconds", "general_seconds"):
+        lower, median, upper = np.quantile(measured[name], (0.25, 0.5, 0.75), axis=1)
+        columns |= {name: median, f"{name}_interquartile_range": upper - lower}
+    ratio = measured["general_seconds"] / measured["skipping_seconds"]
+    return columns | {
+        "general_over_skipping": np.median(ratio, axis=1),
+        "machine": settings["machine"]["processor"],
+    }
+
+
+STUDY = Study(
+    target="benchmarks",
+    datasets={
+        "skipping": Dataset(
+            compute="studies.skipping.measure",
+            message="{scene}: what it saves to leave out what is not needed",
+            arguments={"repeats": "benchmark.repeats"},
+            needs=PLAIN,
+            alone=True,
+            places=step_scene,
+        )
+    },
+    tables={"skipping": ("studies.skipping.rows", "skipping")},
+)

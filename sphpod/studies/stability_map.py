@@ -166,7 +166,7 @@ STUDY = Study(
         caption="Growth of full and reduced models, measured, and the predicted boundary: "
         "{scene}, snapshots {sampling}.",
         reads={"damping": ("damping_map",), "modes": ("mode_map",)},
-        places=lambda config: config["stability"]["map"].items(),
+        places=lambda config: config["stability"]["stability_map"].items(),
     ),
     variables={
         "map_integrator": Variable(

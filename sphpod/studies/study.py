@@ -2,7 +2,7 @@
 
 A module of a study has a `Study` named ``STUDY``. The workflow makes a rule for each of its
 datasets, named as the study or as the dataset, one for its tables and one for its figures, and adds
-them to the target ``stability``. Functions are named below the package, such as
+them to a target. Functions are named below the package, such as
 "studies.growth.measure", so that a declaration imports nothing; the digest of a result follows the
 function that computes it, and no other part of the module.
 """
@@ -10,6 +10,7 @@ function that computes it, and no other part of the module.
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
+from operator import attrgetter
 from pkgutil import iter_modules
 from typing import Any
 
@@ -24,10 +25,16 @@ Argument = str | Callable[[Scene, Callable[[str], Any]], Any]
 """What a function is given beside its scene and datasets: a setting by its name, or what is made of
 the scene and of settings by their names. Names join those of the configuration by dots, such as
 "stability.noise_levels"; or are sampling; modes, their number; seed; all_mode_counts, up to the
-usual largest; and mode_counts and largest_mode_count, of those that are studied."""
+usual largest; mode_counts and largest_mode_count, of those that are studied; and acceleration, the
+paper's study of run time that a scene asks for with a sampling, or a key of it."""
 
-UNDAMPED = "is_conservative", "without damping and force"
+Need = tuple[Callable[[Scene], bool], str]
+"""What a scene must be, and that in words."""
+
+UNDAMPED: Need = attrgetter("is_conservative"), "without damping and force"
 """A scene of which theory predicts the growth wave by wave."""
+
+EVEN: Need = attrgetter("is_even"), "with evenly spaced particles"
 
 
 @dataclass(frozen=True)
@@ -46,8 +53,8 @@ class Dataset:
         Of each dataset that the function is given, the file: "pod.nc" is the sampling's,
         "../sph.nc" the scene's; "truth" is the exact solution, or else the centred reference.
     arguments : dict
-    needs : (str, str)
-        Property that a scene must have, and what it is in words; empty if it may be any.
+    needs : Need
+        Empty if a scene may be any.
     alone : bool
         Whether nothing may run beside it, as it measures times or machines.
     places : callable
@@ -62,7 +69,7 @@ class Dataset:
     of_modes: bool = False
     reads: Mapping[str, str] = field(default_factory=dict)
     arguments: Mapping[str, Argument] = field(default_factory=dict)
-    needs: tuple[str, str] | tuple[()] = ()
+    needs: Need | tuple[()] = ()
     alone: bool = False
     places: Callable[[Mapping[str, Any]], Iterable[Place]] = lambda config: ()
     own_scenes: str = ""
@@ -121,6 +128,8 @@ class Study:
     drawing : Drawing or None
     settings : dict
         Its keys in the configuration, ``studies.<name>``.
+    target : str
+        Target of the workflow that it is part of: all, benchmarks or stability.
     """
 
     datasets: Mapping[str, Dataset]
@@ -128,6 +137,14 @@ class Study:
     tables: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     drawing: Drawing | None = None
     settings: Mapping[str, Setting] = field(default_factory=dict)
+    target: str = "stability"
+
+
+def figure_parts(word: str, study: Study) -> tuple[str, ...]:
+    """What the name of a study's figure is made of: its target, and its own word beside it."""
+    prefix = study.target.removesuffix("s")
+    own = word.removeprefix(prefix).removeprefix("_")
+    return (prefix, own) if own else (prefix,)
 
 
 def function(name: str) -> Callable[..., Any]:
@@ -154,12 +171,12 @@ def studies() -> dict[str, Study]:
     return {name: study for name, study in found.items() if study}
 
 
-def scenes(config: Mapping[str, Any], needs: str = "") -> list[Place]:
-    """All scenes, or those with a property."""
+def scenes(config: Mapping[str, Any], needs: Need | tuple[()] = ()) -> list[Place]:
+    """All scenes, or those that are what a study needs."""
     return [
         (name,)
         for name, settings in config["scenes"].items()
-        if not needs or getattr(Scene.from_settings(name, settings), needs)
+        if not needs or needs[0](Scene.from_settings(name, settings))
     ]
 
 
@@ -170,3 +187,18 @@ def samplings(config: Mapping[str, Any], first: bool = False) -> list[Place]:
         for name, scene in config["scenes"].items()
         for sampling in list(scene["samplings"])[: 1 if first else None]
     ]
+
+
+def accelerated(config: Mapping[str, Any]) -> list[Place]:
+    """Samplings of which the paper's study of run time is asked for."""
+    return [
+        (name, sampling)
+        for name, scene in config["scenes"].items()
+        for sampling in scene["acceleration"]
+    ]
+
+
+def step_scene(config: Mapping[str, Any]) -> list[Place]:
+    """The scene whose steps are timed, if there is one."""
+    scene = config["benchmark"].get("step_scene")
+    return [(scene,)] if scene else []

@@ -720,9 +720,18 @@ def test_sizes_of_the_benchmark_by_default(load):
 
 EDGE = {key: value for key, value in WAVE.items() if key not in ("references", "samplings")}
 STABILITY_REFUSED: dict[str, tuple[dict[str, Any], str]] = {
-    "key": ({"mapp": {}}, "stability.mapp = {}: unknown key, did you mean map?"),
-    "scene": ({"map": {"waves": "few"}}, "stability.map = waves: no such scene; allowed are wave"),
-    "sampling": ({"map": {"wave": "fews"}}, "stability.map.wave = fews: the scene has no such"),
+    "key": (
+        {"stability_mapp": {}},
+        "stability.stability_mapp = {}: unknown key, did you mean stability_map?",
+    ),
+    "scene": (
+        {"stability_map": {"waves": "few"}},
+        "stability.stability_map = waves: no such scene; allowed are wave",
+    ),
+    "sampling": (
+        {"stability_map": {"wave": "fews"}},
+        "stability.stability_map.wave = fews: the scene has no such",
+    ),
     "ratio": ({"smoothing_ratios": [0.9, 1.04]}, "it must be above 1"),
     "wide ratio": ({"smoothing_ratios": [1.04, 30]}, "30: the kernel's support of 4h would wrap"),
     "still": (
@@ -741,7 +750,10 @@ STABILITY_REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"long_run": {"scene": "rest", "sampling": "few", "mode_count": 2}},
         "stability.long_run.scene = rest: it must be a scene with an initial velocity",
     ),
-    "edge's folder": ({"scenes": {"logs": EDGE}}, "stability.scenes.name = logs: allowed are"),
+    "edge's folder": (
+        {"edge_scenes": {"logs": EDGE}},
+        "stability.edge_scenes.name = logs: allowed are",
+    ),
     "damped run": (
         {"random_run": {"scene": "damped"}},
         "damped: it must be a scene without damping",
@@ -752,17 +764,17 @@ STABILITY_REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"long_run": {"scene": "wave", "sampling": "few", "mode_count": 9}},
         "stability.long_run.mode_count = 9: more modes than",
     ),
-    "edge's name": ({"scenes": {"wave": EDGE}}, "this name is taken by a scene"),
+    "edge's name": ({"edge_scenes": {"wave": EDGE}}, "this name is taken by a scene"),
     "edge's key": (
-        {"scenes": {"edge": EDGE | {"samplings": {}}}},
-        "stability.scenes.edge.samplings = {}: unknown here; allowed are domain_length",
+        {"edge_scenes": {"edge": EDGE | {"samplings": {}}}},
+        "stability.edge_scenes.edge.samplings = {}: unknown here; allowed are domain_length",
     ),
     "edge's modulus": (
-        {"scenes": {"edge": EDGE | {"youngs_modulus": -1}}},
+        {"edge_scenes": {"edge": EDGE | {"youngs_modulus": -1}}},
         "scene edge: youngs_modulus = -1: it is -1 at x = 0 and must be positive",
     ),
     "jitter": (
-        {"scenes": {"edge": EDGE | {"positions": {"jitter": 0.6}}}},
+        {"edge_scenes": {"edge": EDGE | {"positions": {"jitter": 0.6}}}},
         "scene edge: positions.jitter = 0.6: it must be from 0 to below 0.5",
     ),
 }
@@ -790,8 +802,8 @@ def test_stability_is_studied_of_the_first_scene_that_can_be(load):
     resolved = load({"scenes": {"unsampled": unsampled, "still": still, "wave": WAVE}})
     found = {study: resolved["stability"][study] for study in stability_section.STABILITY_STUDIES}
     assert found == {
-        "map": {"still": "uniform10"},
-        "snapshots": {"still": "uniform10"},
+        "stability_map": {"still": "uniform10"},
+        "poor_snapshots": {"still": "uniform10"},
         "amplitude": {"wave": "uniform10"},
     }
     alone = load({"scenes": {"unsampled": unsampled}})["stability"]

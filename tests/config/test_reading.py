@@ -179,7 +179,7 @@ def test_the_limit_of_memory_can_be_set():
         ({"stability": {"random_bases": 1e12}}, "stability.random_bases = 1000000000000: it must"),
         ({"stability": {"amplitude_count": 1e9}}, "stability.amplitude_count = 1000000000: it"),
         ({"benchmark": {"repeats": 1e18}}, "benchmark.repeats = 1.0e+18: it must be at most 10000"),
-        ({"stability": {"scenes": {"edge": SCENE | MANY | {"error_interval": 1e-6}}}},
+        ({"stability": {"edge_scenes": {"edge": SCENE | MANY | {"error_interval": 1e-6}}}},
          "scene edge: error_interval = 1.0e-06: 1000001 outputs of 100000 particles take 4e+03 GB"),
         ({"output": "a/../b"}, "output = a/../b: allowed are a folder of letters"),
         ({"output": "x" * 300}, f"output = {'x' * 97}...: allowed are a folder of letters"),

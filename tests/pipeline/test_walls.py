@@ -22,11 +22,6 @@ COMPUTED = {
     "reduced.rom.accelerate",
     "reduced.lifted_rom.repeat_sph",
     "reduced.certificate.certify",
-    "studies.timing.compare",
-    "studies.timing.compare_steps",
-    "studies.benchmark.compare",
-    "studies.scaling.measure",
-    "studies.skipping.measure",
     *(data.compute for study in studies().values() for data in study.datasets.values()),
 }
 """Functions of rules that compute or measure."""
@@ -52,7 +47,7 @@ EDITS = {
     "what is allowed": ("scene/checks.py", "at least 5 particles", "5 or more particles"),
     "a breakdown": ("scene/breakdown.py", "broke down by t =", "has broken down by t ="),
     "a column of a table of times": (
-        "studies/timing.py",
+        "studies/cpu_time.py",
         '        "cpu_seconds_median": median,\n        "cpu',
         '        "fastest": lower,\n        "cpu_seconds_median": median,\n        "cpu',
     ),

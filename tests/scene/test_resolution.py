@@ -92,7 +92,7 @@ def scenes_of(name):
     """Scenes of a configuration, those at the edge too, as they stand in it."""
     config = yaml.safe_load((CONFIG / name).read_text())
     numbers = "domain_length", "duration", "smoothing_ratio", "time_step", "error_interval"
-    for key, settings_of in (config["scenes"] | config["stability"]["scenes"]).items():
+    for key, settings_of in (config["scenes"] | config["stability"]["edge_scenes"]).items():
         known = {name: float(settings_of[name]) for name in numbers if name in settings_of}
         if settings_of["particle_count"] < 10_000:
             yield Scene.from_settings(key, settings_of | known)

@@ -97,7 +97,7 @@ def test_lifted_models_and_their_bounds(name):
             assert found[f"{field}_error_lifted"].tolist() == [0] * len(COUNTS)
         assert found["energy_error_bound"].tolist() == [0] * len(COUNTS)
     place = {"scene": case.name, "sampling": "early"}
-    rows = [*comparison.effectivities(place, found)]
+    rows = [*comparison.effectivity(place, found)]
     rows += comparison.certificates(place, found)
     assert not [row for row in rows if np.inf in row.values()]
 

@@ -10,6 +10,8 @@ from sphpod.reduced import certificate, lifted_rom, pod, rom, snapshots
 from sphpod.reference import exact, reference
 from sphpod.studies import benchmark, scaling, skipping, timing
 
+PLACE = {"scene": "waves", "sampling": "few"}
+SETTINGS = {"particle_count": 40, "machine": {"processor": "one"}}
 SAMPLING = {"range": [0, 1], "count": 9}
 STUDY = {"mode_counts": [3], "n_freeze": [1, 10]}
 COUNTS = [3, 4, 8]
@@ -41,7 +43,7 @@ class Case:
             self.measured = benchmark.compare(
                 self.scene, SAMPLING, STUDY, self.taken, self.full, repeats=3
             )
-        self.table = timing.benchmark_columns(self.measured)
+        self.table = benchmark.rows(PLACE, self.measured, SETTINGS)
 
     def rows(self, method, **columns):
         chosen = self.table["method"] == method
@@ -210,7 +212,7 @@ def test_baselines_are_chosen_from_a_table():
         "reconstruction_seconds": np.outer(seconds, [1, 1, 1, 1]),
         "offline_seconds": np.arange(21.0).reshape(7, 3),
     }
-    table = timing.benchmark_columns(measured)
+    table = benchmark.rows(PLACE, measured, SETTINGS)
     np.testing.assert_allclose(table["cpu_seconds"], seconds)
     np.testing.assert_allclose(table["cpu_seconds_with_fields"], 2 * np.array(seconds))
     np.testing.assert_allclose(table["cpu_seconds_interquartile_range"], 0.625 * np.array(seconds))
@@ -312,13 +314,15 @@ def test_pairs_are_timed_and_in_a_table():
     for name in ("skipping_seconds", "general_seconds"):
         assert measured[name].shape == (things, 2 * skipping.TURNS)
         assert np.all(measured[name] > 0)
-    table = timing.skipping_columns(
+    table = skipping.rows(
+        PLACE,
         {
             "skipped": np.array(["force"]),
             "skipping_model": np.array(["full SPH"]),
             "skipping_seconds": np.array([[1.0, 2.0, 5.0]]),
             "general_seconds": np.array([[4.0, 6.0, 6.0]]),
-        }
+        },
+        SETTINGS,
     )
     assert table["general_over_skipping"] == [3]
     assert table["skipping_seconds_interquartile_range"] == [2]

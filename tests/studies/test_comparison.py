@@ -97,7 +97,7 @@ def test_mode_counts_near_rounding_are_reported(resolved, told):
 
 
 def test_effectivity_is_bound_over_error():
-    rows = list(comparison.effectivities(PLACE, certified([0.1, 0], [0.4, 0.02])))
+    rows = list(comparison.effectivity(PLACE, certified([0.1, 0], [0.4, 0.02])))
     assert rows[1] == PLACE | {
         "modes": 4,
         "modes_resolved": True,

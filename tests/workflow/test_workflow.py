@@ -16,6 +16,7 @@ import pytest
 import xarray as xr
 import yaml
 
+from sphpod.config.stability_section import STABILITY_STUDIES
 from sphpod.pipeline import dataset
 from sphpod.scene.scene import PHYSICS_KEYS, Scene
 
@@ -29,7 +30,7 @@ TIMED = re.compile(
     r"|(_acceleration|/benchmark_[^/]+)\.(pdf|png)$"
 )
 # Rules that are run for the targets `lifted` and `benchmarks` alone.
-LIFTED = {"lifted_full", "lifted_pod", "lifted_model", "thresholds", "certificates"}
+LIFTED = {"lifted_full", "lifted_pod", "lifted_model", "thresholds", "table"}
 MEASURED = {"benchmark", "scaling", "skipping"}
 
 
@@ -407,7 +408,7 @@ def test_lifted_models_and_benchmarks_are_targets_of_their_own(built):
     more = {"sph", "reference", "errors", "snapshots", "pod", "reduced_model"}
     lifted, all_benchmarks = (planned(built, "--", name) for name in ("lifted", "benchmarks"))
     assert LIFTED <= lifted <= LIFTED | more
-    assert all_benchmarks == lifted | MEASURED | {"timing_table", "figure"}
+    assert all_benchmarks == lifted | MEASURED | {"figure"}
 
 
 def test_lifted_models_and_benchmarks_are_built_after_the_default_target(built, benchmarked):
@@ -455,7 +456,7 @@ def test_lifted_models_is_in_tables(benchmarked):
 
 def test_benchmarks_is_in_tables(benchmarked):
     results = benchmarked / "small" / "results"
-    times = pd.read_csv(results / "cpu_time.csv")
+    times = pd.read_csv(results / "benchmark.csv")
     assert {
         "scene", "sampling", "method", "modes", "n_freeze", "integrator", "time_step",
         "error_velocity", "error_density", "error_velocity_exact", "error_density_exact",
@@ -487,8 +488,7 @@ def test_only_measurements_whose_code_changed_are_made_anew(benchmarked):
         edited(package / "studies" / "skipping.py", "\nMODES = ", "\nMODES = 2 * "),
     ):
         rules = planned(benchmarked, "--", "benchmarks")
-    tables = {"certificates", "timing_table"}
-    assert rules == {"lifted_model", "skipping"} | tables
+    assert rules == {"lifted_model", "skipping", "table"}
 
 
 def test_stability_is_a_target_of_its_own(built, stabilised):
@@ -726,7 +726,7 @@ def test_bad_input_stops_before_any_job(built, arguments, sentence):
 
 @pytest.mark.parametrize(
     ("study", "target", "start"),
-    [("map", "stability", "stability-map"), ("acceleration", "benchmarks", "benchmark")],
+    [("stability_map", "stability", "stability-map"), ("acceleration", "benchmarks", "benchmark")],
 )
 def test_figures_of_scenes_and_samplings_whose_joined_names_are_one_have_two(
     built, tmp_path, study, target, start
@@ -741,7 +741,9 @@ def test_figures_of_scenes_and_samplings_whose_joined_names_are_one_have_two(
         | {"acceleration": {sampling: models} if study == "acceleration" else {}}
         for one, sampling in pairs.items()
     }
-    stability = {"map": pairs if study == "map" else {}, "amplitude": {}, "snapshots": {}}
+    stability: dict[str, dict[str, str]] = {name: {} for name in STABILITY_STUDIES}
+    if study in stability:
+        stability[study] = pairs
     settings = {"output": "own", "scenes": scenes, "stability": stability}
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings, sort_keys=False))
     config = ["--dry-run", "--configfile", str(tmp_path / "own.yaml"), "--", target]

@@ -24,7 +24,7 @@ from sphpod.config.mode_counts import parse_modes, parse_tolerance, usual_sweep
 from sphpod.config.reading import typed
 from sphpod.scene.kernel import derivative_coefficient
 from sphpod.scene.scene import PHYSICS_KEYS, Scene
-from sphpod.studies.study import studies as declared_studies
+from sphpod.studies.study import figure_parts, studies as declared_studies
 
 # That of this file, which may be a module of another workflow.
 ROOT = Path(workflow.current_basedir).parents[1]
@@ -94,55 +94,34 @@ def paths_of(study, names):
     return [path_of(name, place) for name in names for place in study.datasets[name].places(CONFIG)]
 
 
-# What the benchmarks draw is no part of the paper, and not of the default target.
-BENCHMARK_FIGURES = [
-    (
-        ("benchmark", name, sampling),
-        {
-            "kind": "work_precision",
-            "draw": "figures.benchmark_plots.work_precision",
-            "scene": name,
-            "sampling": sampling,
-            "section": "benchmarks",
-            "caption": (
-                f"CPU time against error, all methods, mode counts and integrators: {name},"
-                f" snapshots {sampling}."
-            ),
-        },
-    )
-    for name, scene in SCENES.items()
-    for sampling in scene["acceleration"]
-]
-if "step_scene" in CONFIG["benchmark"]:
-    scaling = {
-        "kind": "scaling",
-        "draw": "figures.benchmark_plots.scaling",
-        "scene": CONFIG["benchmark"]["step_scene"],
-        "section": "benchmarks",
-        "caption": "Time and memory of a step against particles and modes, full and reduced models.",
-    }
-    BENCHMARK_FIGURES.append((("benchmark", "scaling"), scaling))
-BENCHMARK_FIGURES = by_name(BENCHMARK_FIGURES, FIGURES)
 STUDIES = declared_studies()
 STUDIES_OF_MODES = [
     name for study in STUDIES.values() for name, data in study.datasets.items() if data.of_modes
 ]
-STABILITY_FIGURES = []
-for word, study in STUDIES.items():
-    if study.drawing is None:
-        continue
-    name = "stability", word.removeprefix("stability_")
-    drawing = {"study": word, "draw": study.drawing.draw, "section": "stability"}
-    if study.drawing.places is not None:
-        for scene, sampling in study.drawing.places(CONFIG):
-            place = {"scene": scene, "sampling": sampling}
-            caption = study.drawing.caption.format(**place)
-            figure = {**drawing, **place, "caption": caption}
-            STABILITY_FIGURES.append(((*name, scene, sampling), figure))
-    elif paths_of(study, next(iter(study.drawing.reads.values()))):
-        figure = {**drawing, "caption": study.drawing.caption}
-        STABILITY_FIGURES.append((name, figure))
-STABILITY_FIGURES = by_name(STABILITY_FIGURES, FIGURES | BENCHMARK_FIGURES)
+
+
+def study_figures(target, others):
+    """Figures of the studies of a target, which are no part of the paper."""
+    figures = []
+    for word, study in STUDIES.items():
+        if study.drawing is None or study.target != target:
+            continue
+        name = figure_parts(word, study)
+        drawing = {"study": word, "draw": study.drawing.draw, "section": target}
+        if study.drawing.places is not None:
+            for scene, sampling in study.drawing.places(CONFIG):
+                place = {"scene": scene, "sampling": sampling}
+                caption = study.drawing.caption.format(**place)
+                figure = {**drawing, **place, "caption": caption}
+                figures.append(((*name, scene, sampling), figure))
+        elif paths_of(study, next(iter(study.drawing.reads.values()))):
+            figure = {**drawing, "caption": study.drawing.caption}
+            figures.append((name, figure))
+    return by_name(figures, others)
+
+
+BENCHMARK_FIGURES = study_figures("benchmarks", FIGURES)
+STABILITY_FIGURES = study_figures("stability", FIGURES | BENCHMARK_FIGURES)
 ALL_FIGURES = FIGURES | BENCHMARK_FIGURES | STABILITY_FIGURES
 
 
@@ -200,21 +179,6 @@ def study_sweeps():
     ]
 
 
-def studies(file):
-    """A file of every acceleration study."""
-    return [
-        f"<results>/{name}/{sampling}/{file}"
-        for name, scene in SCENES.items()
-        for sampling in scene["acceleration"]
-    ]
-
-
-def of_step_scene(file):
-    """A file of the scene whose steps are timed, if there is one."""
-    scene = CONFIG["benchmark"].get("step_scene")
-    return [f"<results>/{scene}/{file}"] if scene else []
-
-
 def physical(name, scenes=SCENES):
     return Scene.from_settings(name, scenes[name])
 
@@ -225,12 +189,25 @@ def truth(scene):
     return f"<results>/{scene}/reference_{kind}.nc"
 
 
-# Of each table of a study, the function of its rows and its datasets.
+# Of each table, the function of its rows and its datasets.
 TABLES = {
+    table: (f"studies.comparison.{table}", full_sweeps("lifted_exact"))
+    for table in ("effectivity", "certificates")
+} | {
     table: (rows, paths_of(study, names))
     for study in STUDIES.values()
     for table, (rows, *names) in study.tables.items()
 }
+
+
+def tables(target):
+    """Tables of the studies of a target."""
+    return [
+        f"<results>/{table}.csv"
+        for study in STUDIES.values()
+        for table in study.tables
+        if study.target == target and TABLES[table][1]
+    ]
 
 
 # What a rule passes to its script ------------------------------------------------------------------
@@ -373,6 +350,9 @@ def arguments_of(data):
             "all_mode_counts": all_modes,
             "mode_counts": studied_modes,
             "largest_mode_count": lambda wildcards: max(studied_modes(wildcards)),
+            "acceleration": study_settings,
+            "acceleration.n_freeze": lambda wildcards: study_settings(wildcards)["n_freeze"],
+            "acceleration.mode_counts": lambda wildcards: study_settings(wildcards)["mode_counts"],
         }
         return of_place[key](wildcards) if key in of_place else setting_of(key)
 
@@ -395,7 +375,9 @@ def inputs_of(data):
             known_sampling(wildcards)
         if data.of_modes:
             known_modes(wildcards)
-        if data.needs and not getattr(physical(wildcards.scene, scenes_of(data)), data.needs[0]):
+        if "acceleration" in str(data.arguments.values()):
+            known_study(wildcards)
+        if data.needs and not data.needs[0](physical(wildcards.scene, scenes_of(data))):
             stop(f"scene = {wildcards.scene}: this needs one {data.needs[1]}")
         folder = f"<results>/{wildcards.scene}"
         return {
@@ -454,14 +436,6 @@ def known_study(wildcards):
     known_scene(wildcards)
     studies = SCENES[wildcards.scene]["acceleration"]
     return known(f"scene {wildcards.scene}: acceleration", wildcards.sampling, studies)
-
-
-def known_benchmark(wildcards):
-    """What a scene may lack is left out of one that lacks it all."""
-    scene = known_scene(wildcards) or Scene.from_settings(wildcards.scene, physics(wildcards))
-    if exact.kind(scene) != "dalembert" or scene.force_time is not None:
-        stop(f"scene = {wildcards.scene}: this needs one without damping, force or layers")
-    return []
 
 
 def known_reduced_model(wildcards):
@@ -536,10 +510,6 @@ def figure_inputs(wildcards):
                 "cpu_time": f"{of_sampling}/cpu_time.nc",
                 "errors": f"{of_scene}/errors.nc",
             }
-        case "work_precision":
-            return {"benchmark": f"{of_sampling}/benchmark.nc"}
-        case "scaling":
-            return {"scaling": f"{of_scene}/scaling.nc"}
     return {}
 
 

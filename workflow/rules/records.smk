@@ -45,7 +45,7 @@ def is_asked_for(path, scenes):
 
 def hand_over_datasets(store):
     results = OUTPUT / "results"
-    scenes = {*SCENES, *CONFIG["stability"]["scenes"]}
+    scenes = {*SCENES, *CONFIG["stability"]["edge_scenes"]}
     for path in results.rglob("[!.]*.nc"):
         known, is_unchanged = known_record(store, path)
         if is_unchanged:

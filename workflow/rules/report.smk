@@ -40,22 +40,6 @@ rule thresholds:
         "../scripts/thresholds.py"
 
 
-rule certificates:
-    input:
-        full_sweeps("lifted_exact"),
-    output:
-        effectivity="<results>/effectivity.csv",
-        certificates="<results>/certificates.csv",
-    log:
-        "<logs>/certificates.log",
-    params:
-        code=code("certificates.py"),
-    message:
-        "Error bounds beside errors, and what they certify"
-    script:
-        "../scripts/certificates.py"
-
-
 rule claims:
     input:
         [f"<results>/{path}" for path in claims.inputs(CLAIMS)],

@@ -1,5 +1,6 @@
 """Studies are computed, put in tables and drawn, each as its module declares
-(`sphpod/studies/study.py`). Rules have the names of the datasets."""
+(`sphpod/studies/study.py`). Rules have the names of the datasets. What is timed has the machine to
+itself; these results alone differ from run to run, and what is computed from them."""
 
 for word, study in STUDIES.items():
     for name, data in study.datasets.items():
@@ -15,6 +16,8 @@ for word, study in STUDIES.items():
                 path_of(name, wildcards_of(data), "<logs>", "log"),
             wildcard_constraints:
                 modes=r"[1-9]\d*",
+            # Each alone, before what could run beside it in pairs.
+            priority: int(data.alone)
             threads: lambda wildcards, data=data: (workflow.cores or 1) if data.alone else 1
             params:
                 **computed(

@@ -7,15 +7,29 @@ import pandas as pd
 from sphpod.pipeline import dataset, job
 from sphpod.studies import study
 
+
+def asked(rows_of):
+    """Number of arguments that a function has no default for."""
+    parameters = inspect.signature(rows_of).parameters.values()
+    return sum(parameter.default is parameter.empty for parameter in parameters)
+
+
+def rows_of_each(rows_of, paths):
+    """Rows of each dataset, given its place, its arrays and, where asked for, its settings."""
+    for path in paths:
+        scene, *sampling = dataset.place(path)
+        place = {"scene": scene, "sampling": "".join(sampling)}
+        given = place, dataset.read(path), dataset.settings(path)
+        rows = rows_of(*given[: asked(rows_of)])
+        # Objects, as whole numbers stay so beside rows that have none.
+        yield pd.DataFrame(rows if isinstance(rows, dict) else list(rows), dtype=object)
+
+
 if __name__ == "__main__":
     job.start(snakemake)
     rows_of, paths = study.function(snakemake.params.rows), snakemake.input
-    if len(inspect.signature(rows_of).parameters) == 1:
-        rows = rows_of([dataset.read(path) for path in paths])
+    if asked(rows_of) == 1:
+        table = pd.DataFrame(rows_of([dataset.read(path) for path in paths]), dtype=object)
     else:
-        rows = []
-        for path in paths:
-            scene, *sampling = dataset.place(path)
-            place = {"scene": scene, "sampling": "".join(sampling)}
-            rows.extend(rows_of(place, dataset.read(path)))
-    dataset.write_table(snakemake.output[0], pd.DataFrame(rows))
+        table = pd.concat(rows_of_each(rows_of, paths))
+    dataset.write_table(snakemake.output[0], table)
