@@ -700,7 +700,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
         ),
         (
             ["--config", "illustrations=[{kind: spring, name: benchmark_scaling}]"],
-            "figure = benchmark_scaling: this is the name of kind scaling, scene waves and of kind",
+            "figure = benchmark_scaling: this is the name of study scaling and of kind",
         ),
         (
             ["--", "small/results/damped_forced/few/lifted_exact/k6.nc"],
