@@ -14,6 +14,14 @@ include: "workflow/rules/solve.smk"
 include: "workflow/rules/reduce.smk"
 include: "workflow/rules/studies.smk"
 include: "workflow/rules/report.smk"
+
+
+if Path(workflow.basedir) == ROOT:
+
+    # Of a workflow that uses this one as a module, other files are its own.
+    include: "workflow/rules/unknown.smk"
+
+
 include: "workflow/rules/records.smk"
 
 

@@ -711,6 +711,28 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
             ["--", "small/results/waves/uniform10/frozen9999999999999999/k2.nc"],
             "scene waves: method = frozen9999999999999999: allowed are original",
         ),
+        (["--", "small/results/claim.csv"], "results: file = claim.csv: did you mean claims.csv?"),
+        (
+            ["--", "small/results/waves/errorss.nc"],
+            "results/waves: file = errorss.nc: did you mean errors.nc?",
+        ),
+        (
+            ["--", "small/results/waves/pod.nc"],
+            "file = results/waves/pod.nc: there is one in each results/waves/{sampling}",
+        ),
+        (
+            ["--", "small/results/waves/uniform10/podd.nc"],
+            "results/waves/uniform10: file = podd.nc: did you mean pod.nc?",
+        ),
+        (
+            ["--", "small/results/waves/uniform10/original/m2.nc"],
+            "results/waves/uniform10/original: file = m2.nc: allowed are k{modes}.nc, tol",
+        ),
+        (
+            ["--", "small/figures/waves_profile.svg"],
+            "figure = waves_profile.svg: did you mean waves_profile.pdf?",
+        ),
+        (["--", "stabilty"], "target = stabilty: did you mean stability?"),
     ],
     ids=lambda value: value[-1] if isinstance(value, list) else "",
 )

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import numpy as np
 
+from snakemake.io import strip_wildcard_constraints
+
 from sphpod.paper import claims, paper
 from sphpod.reference import exact
 from sphpod.pipeline import provenance
@@ -123,6 +125,7 @@ def study_figures(target, others):
 BENCHMARK_FIGURES = study_figures("benchmarks", FIGURES)
 STABILITY_FIGURES = study_figures("stability", FIGURES | BENCHMARK_FIGURES)
 ALL_FIGURES = FIGURES | BENCHMARK_FIGURES | STABILITY_FIGURES
+TARGETS = ["all", "lifted", "benchmarks", "stability"]
 
 
 pathvars:
@@ -402,6 +405,36 @@ def known(what, name, names):
         allowed = f"allowed are {', '.join(names)}" if names else "there is none"
         stop(f"{what} = {name}: {meant}{allowed}")
     return []
+
+
+def files_made(*folders):
+    """Names of the files that the rules so far make in folders such as {scene}, {sampling}."""
+    parent = OUTPUT.joinpath("results", *folders)
+    made = [
+        Path(strip_wildcard_constraints(file)) for each in workflow.rules for file in each.output
+    ]
+    names = {path.name for path in made if path.parent == parent} - {"{table}.csv", "{file}"}
+    return sorted(names if folders else names | {f"{table}.csv" for table in TABLES})
+
+
+def other_than(names):
+    """Pattern of a file that is none of these, whose names may hold wildcards."""
+    patterns = (re.sub(r"\\{\w+\\}", "[^/]+", re.escape(name)) for name in names)
+    return f"(?!({'|'.join(patterns)})$)[^/]+"
+
+
+def unknown(wildcards, *parents):
+    """Input of a file that no rule makes: what is made in its place, or one folder below."""
+    *folders, file = wildcards
+    if folders:
+        known_scene(wildcards)
+    if len(folders) > 1:
+        known_sampling(wildcards)
+    names, below = files_made(*parents), "/".join(["results", *folders])
+    deeper = ["{scene}", "{sampling}"][: len(parents) + 1]
+    if len(deeper) > len(parents) and file in files_made(*deeper):
+        stop(f"file = {below}/{file}: there is one in each {below}/{deeper[-1]}")
+    return known(f"{below}: file", file, names)
 
 
 def known_scene(wildcards):
