@@ -5,9 +5,9 @@ from sphpod.scene.scene import Scene
 WAVE = "1e-3*sin(2*pi*x/L) + 5e-4*cos(4*pi*x/L)"
 
 
-def scene(name="test", **changes):
-    """An undamped uniform scene of 40 particles over one second, with the changes given."""
-    settings = {
+def settings(**changes):
+    """Settings of an undamped uniform scene of 40 particles over one second, with the changes."""
+    usual = {
         "domain_length": 1,
         "duration": 1,
         "initial_velocity": WAVE,
@@ -18,7 +18,12 @@ def scene(name="test", **changes):
         "time_step": 1e-3,
         "error_interval": 0.01,
     }
-    return Scene.from_settings(name, settings | changes)
+    return usual | changes
+
+
+def scene(name="test", **changes):
+    """The scene of these settings."""
+    return Scene.from_settings(name, settings(**changes))
 
 
 VARIED = {

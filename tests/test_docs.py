@@ -364,7 +364,8 @@ def test_every_rule_is_named():
         for rule in re.findall(
             r"^(?:use rule \w+ as|rule) (\w+)\b", source.read_text(encoding="utf-8"), re.M
         ):
-            assert rule == "all" or f"`{rule}`" in README, rule
+            made = rule != "all" and not rule.startswith("unknown_")
+            assert not made or f"`{rule}`" in README, rule
 
 
 def test_pictures_are_small_and_of_figures(paper):

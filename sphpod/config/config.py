@@ -35,6 +35,7 @@ from sphpod.config.scene_section import (
 )
 from sphpod.config.sizes import check_sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
+from sphpod.numerics.error import FIELDS
 from sphpod.reduced import snapshots
 from sphpod.reference import exact
 from sphpod.scene import checks
@@ -92,6 +93,8 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
             for word, section in study_sections().items()
         },
     }
+    for name in resolved["scenes"]:
+        _borrow(name, resolved["scenes"])
     resolved["stability"] = resolved_stability(
         settings.get("stability", {}), resolved["scenes"], memory
     )
@@ -150,9 +153,10 @@ def check_sampling(scene: scenes.Scene, name: str, sampling: Mapping[str, Any]) 
         within = "scenes", scene.name, "samplings"
         every = {"scenes": {scene.name: settings}}
         raise refusals.of_models(error, every, refusals.written_out(schema()), within) from None
-    if "from" in sampling:
-        allowed = "snapshots of a file are arrays, which decompositions take as they are"
-        raise refusal(scene.name, f"samplings.{name}.from", sampling["from"], allowed)
+    if not snapshots.is_of_run(sampling):
+        key = "from" if "from" in sampling else "modes"
+        allowed = "snapshots of other runs are arrays, which decompositions take as they are"
+        raise refusal(scene.name, f"samplings.{name}.{key}", sampling[key], allowed)
     settings["particle_count"] = scene.particle_count
     return _resolved_sampling(scene.name, name, settings, scene)
 
@@ -195,7 +199,7 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
             )
         if sampling not in scene["samplings"]:
             raise refusal(name, key, study, known_names("sampling", scene["samplings"]))
-        if "from" in scene["samplings"][sampling]:
+        if not snapshots.is_of_run(scene["samplings"][sampling]):
             raise refusal(name, key, study, WITHOUT_TIMES)
         for count in study["mode_counts"]:
             check_count(name, sampling, scene, f"{key}.mode_counts", str(count))
@@ -241,6 +245,8 @@ def _resolved_sampling(
         modes = str(settings.get("mode_counts", usual_sweep(scene, sampling)))
         check_count(name, sampling, scene, f"{key}.mode_counts", modes)
         return {**settings, "mode_counts": modes}
+    if "modes" in settings:
+        return settings  # Completed when all scenes are known.
     step, duration = physics.time_step, physics.duration
     latest = duration * (1 + 1e-9)  # for times that are the last one but for rounding
     if "range" in settings:
@@ -287,6 +293,46 @@ def _resolved_sampling(
     modes = str(settings.get("mode_counts", usual_sweep(scene, sampling)))
     check_count(name, sampling, scene, f"{key}.mode_counts", modes)
     return {**settings, "mode_counts": modes}
+
+
+def _borrow(name: str, known: dict[str, Any]) -> None:
+    """Complete the samplings of a scene whose modes are those of others' snapshots."""
+    scene = known[name]
+    for sampling, settings in scene["samplings"].items():
+        if "modes" not in settings:
+            continue
+        key, sources = f"samplings.{sampling}", settings["modes"]["from"]
+        counts = np.array([_lent(name, f"{key}.modes.from", one, known) for one in sources])
+        settings["counts"] = counts.sum(axis=0).tolist()
+        modes = str(settings.get("mode_counts", usual_sweep(scene, sampling)))
+        check_count(name, sampling, scene, f"{key}.mode_counts", modes)
+        settings["mode_counts"] = modes
+
+
+def _lent(name: str, key: str, source: str, known: dict[str, Any]) -> list[int]:
+    """Numbers of velocity and density snapshots of a sampling that lends them to a scene."""
+    lender, _, sampling = source.partition("/")
+    lendable = [
+        f"{one}/{taken}"
+        for one, scene in known.items()
+        for taken, settings in scene["samplings"].items()
+        if "modes" not in settings
+    ]
+    if source not in lendable:
+        allowed = f"allowed are {', '.join(lendable)}" if lendable else "there is none"
+        raise refusal(name, key, source, f"no such sampling with snapshots of its own; {allowed}")
+    for same in ("domain_length", "particle_count", "positions"):
+        own, other = known[name].get(same), known[lender].get(same)
+        if own != other:
+            theirs = "evenly spaced" if other is None else other
+            allowed = f"modes are of the same particles only, and {same} of {lender} is {theirs}"
+            raise refusal(name, key, source, allowed)
+    settings = known[lender]["samplings"][sampling]
+    if "counts" in settings:
+        return settings["counts"]
+    if "count" in settings:
+        return [settings["count"]] * 2
+    return [len(settings[f"{field}_times"]) for field in FIELDS]
 
 
 def _default_figures(scene: dict[str, Any]) -> Iterator[dict[str, Any]]:

@@ -43,7 +43,7 @@ def mode_limit(scene: Mapping[str, Any], sampling: str) -> int:
     """The most modes that a sampling gives: the size of the larger of its two snapshot sets, but
     no more than there are particles."""
     times = scene["samplings"][sampling]
-    if "from" in times:
+    if "counts" in times:
         larger = max(times["counts"])
     elif "count" in times:
         larger = times["count"]

@@ -95,22 +95,45 @@ class SampledFile(Sampling):
     )
 
 
+class SourceSamplings(Section):
+    """Whose snapshots modes are of."""
+
+    from_: Annotated[list[str], Unique()] = Field(
+        alias="from",
+        min_length=1,
+        description="samplings of any scenes with the same particles, each as scene/sampling",
+    )
+
+
+class BorrowedModes(Sampling):
+    """Modes of the snapshots of other samplings together."""
+
+    modes: SourceSamplings = Field(
+        description="from: samplings whose snapshots together give the modes, each as "
+        "scene/sampling"
+    )
+
+
 def _way_to_sample(keys):
     if not isinstance(keys, dict):
         return None
     if "from" in keys:
         return "<file>"
+    if "modes" in keys:
+        return "<modes>"
     return "<times>" if {"velocity_times", "density_times"} & set(keys) else "<range>"
 
 
 AnySampling = Annotated[
     Annotated[SampledRange, Tag("<range>")]
     | Annotated[SampledTimes, Tag("<times>")]
-    | Annotated[SampledFile, Tag("<file>")],
+    | Annotated[SampledFile, Tag("<file>")]
+    | Annotated[BorrowedModes, Tag("<modes>")],
     Discriminator(_way_to_sample),
     Field(
         description="given by range and count (evenly spaced, the right end excluded; with a seed, "
-        "distinct steps drawn at random), by velocity_times and density_times, or by from (a file)"
+        "distinct steps drawn at random), by velocity_times and density_times, by from (a file) "
+        "or by modes (of other samplings)"
     ),
 ]
 

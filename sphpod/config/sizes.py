@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 from sphpod.config.mode_counts import mode_limit
 from sphpod.config.reading import refusal
+from sphpod.reduced.snapshots import is_of_run
 from sphpod.scene.scene import Scene
 
 NUMBER = 8
@@ -73,7 +74,7 @@ def sizes(scene: Scene, settings: Mapping[str, Any]) -> Iterator[Size]:
             f"the force in {steps} time steps",
         )
     for name, sampling in settings.get("samplings", {}).items():
-        if "from" in sampling:
+        if not is_of_run(sampling):
             continue
         taken = mode_limit({**settings, "particle_count": scene.step_count + 1}, name)
         yield Size(

@@ -11,6 +11,7 @@ from sphpod.config.mode_counts import check_count
 from sphpod.config.reading import ConfigError, refusal
 from sphpod.config.scene_section import Scene, error_interval, known_names
 from sphpod.config.sizes import check_sizes
+from sphpod.reduced.snapshots import is_of_run
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
 from sphpod.scene.kernel import neighbour_count
@@ -111,7 +112,7 @@ def resolved_stability(
     first = {
         name: timed[0]
         for name, s in known.items()
-        if (timed := [one for one, taken in s["samplings"].items() if "from" not in taken])
+        if (timed := [one for one, taken in s["samplings"].items() if is_of_run(taken)])
     }
     moving = {n: s for n, s in first.items() if _strains(scenes.Scene.from_settings(n, known[n]))}
     usual = dict(list(first.items())[:1])
@@ -129,7 +130,8 @@ def resolved_stability(
             if sampling not in known[name]["samplings"]:
                 allowed = known_names("sampling", known[name]["samplings"])
                 raise refusal(None, f"{key}.{name}", sampling, allowed)
-            if study != "stability_map" and "from" in known[name]["samplings"][sampling]:
+            taken = known[name]["samplings"][sampling]
+            if study != "stability_map" and not is_of_run(taken):
                 raise refusal(None, f"{key}.{name}", sampling, WITHOUT_TIMES)
             if study == "amplitude" and not _strains(scenes.Scene.from_settings(name, known[name])):
                 allowed = "it must be a scene with an initial velocity that strains it when scaled"

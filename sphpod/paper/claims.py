@@ -175,7 +175,7 @@ def _files(config, claim, one, scene, sampling) -> dict[str, str]:
 def _check_mode_number(claim, one, settings, sampling) -> None:
     """Refuse a criterion on more modes of a field than its snapshots give."""
     times = settings["samplings"][sampling]
-    if "from" in times:
+    if "counts" in times:
         there = times["counts"][FIELDS.index(one["field"])]
     else:
         there = times["count"] if "count" in times else len(times[f"{one['field']}_times"])

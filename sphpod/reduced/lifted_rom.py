@@ -52,7 +52,8 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
     scene : Scene
     snapshots : dict
         velocity_snapshots (n, N) [m/s]; density_snapshots (m, N) [kg/m³] or strain_snapshots; and
-        velocity_twins, density_twins of the same shapes, where there are (`rounding.twins`).
+        velocity_twins, density_twins or strain_twins of the same shapes, where there are
+        (`rounding.twins`).
 
     Returns
     -------
@@ -84,7 +85,9 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
     if "velocity_twins" in snapshots:
         velocity_twins = mass * given("velocity_twins", -np.inf)
         velocity_twins = velocity_twins - velocity_twins @ rigid.T @ rigid
-    if "density_twins" in snapshots:
+    if "strain_twins" in snapshots:
+        strain_twins = stiffness * given("strain_twins", -1)
+    elif "density_twins" in snapshots:
         strain_twins = stiffness * lifted.strain(scene, given("density_twins", 0))
     shares = velocity @ rigid.T
     found = _modes(velocity - shares @ rigid, velocity_twins, np.linalg.norm(shares))

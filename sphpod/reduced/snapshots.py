@@ -47,6 +47,11 @@ def sampling_steps(scene: Scene, sampling: Mapping[str, Any]) -> tuple[np.ndarra
     return steps, steps
 
 
+def is_of_run(sampling: Mapping[str, Any]) -> bool:
+    """Whether a sampling takes snapshots of its scene's run; else they are a file's or others'."""
+    return not {"from", "modes"} & set(sampling)
+
+
 def output_steps(scene: Scene, samplings: Iterable[Mapping[str, Any]]) -> np.ndarray:
     """Time steps that a full solution must keep: the error integral's and every sampling's.
 
@@ -56,7 +61,7 @@ def output_steps(scene: Scene, samplings: Iterable[Mapping[str, Any]]) -> np.nda
     """
     wanted = [scene.error_steps]
     for sampling in samplings:
-        if "from" not in sampling:
+        if is_of_run(sampling):
             wanted.extend(sampling_steps(scene, sampling))
     return np.unique(np.concatenate(wanted))
 

@@ -150,6 +150,45 @@ def test_one_result_needs_only_its_ancestors(built, tmp_path):
     assert planned(built, "--forcerun", "pod", "--", figure) == {"pod", "figure"}
 
 
+def test_modes_that_are_borrowed_are_made_of_the_lenders_and_made_anew_with_them(built, tmp_path):
+    scene = yaml.safe_load((built / "config/small.yaml").read_text())["scenes"]["waves"]
+    scene |= {"acceleration": {}, "figures": [], "references": ["centred"]}
+    scenes = {
+        "soft": scene | {"youngs_modulus": 0.08},
+        "hard": scene | {"youngs_modulus": 0.12, "initial_density": "1 + 0.1*sin(2*pi*x/L)"},
+        "between": scene
+        | {"samplings": {"both": {"modes": {"from": ["soft/uniform10", "hard/uniform10"]}}}},
+    }
+    settings = {"output": "borrowed", "scenes": scenes}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings))
+    config = ["--configfile", str(tmp_path / "own.yaml")]
+    targets = [
+        f"borrowed/results/between/both/{method}/k6.nc" for method in ("original", "lifted_exact")
+    ]
+    run = subprocess.run(
+        command(*config, "--", *targets), cwd=built, capture_output=True, text=True, check=False
+    )
+    assert run.returncode == 0, run.stderr
+    lifted = dataset.read(built / targets[1])
+    assert 0 < lifted["energy_error_lifted"] <= lifted["energy_error_bound"] < 0.1
+    changed = ["--config", "scenes={hard: {samplings: {uniform10: {count: 9}}}}"]
+    run = subprocess.run(
+        command("--dry-run", *config, *changed, "--", *targets),
+        cwd=built, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    table = run.stdout.partition("Job stats:")[2].partition("total")[0]
+    assert set(re.findall(r"^(\w+) +\d+$", table, re.MULTILINE)) == {
+        "sph", "snapshots", "pod", "lifted_pod", "reduced_model", "lifted_model",
+    }  # fmt: skip
+    run = subprocess.run(
+        command("--dry-run", *config, "--", "borrowed/results/between/both/snapshots.nc"),
+        cwd=built, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert (
+        "sampling = both: it has no snapshots of its own; its modes are of those of" in run.stderr
+    )
+
+
 @contextmanager
 def edited(path, old, new):
     text = path.read_text()

@@ -7,6 +7,7 @@ import os
 import re
 import sys
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -226,6 +227,13 @@ def setting_of(key):
     return functools.reduce(operator.getitem, key.split("."), CONFIG)
 
 
+class Place(NamedTuple):
+    """A scene and a sampling, as wildcards name them."""
+
+    scene: str
+    sampling: str
+
+
 def physics(wildcards, scenes=SCENES):
     """Settings that the solutions of a scene depend on; samplings and figures are not among them."""
     scene = scenes[wildcards.scene]
@@ -239,7 +247,13 @@ def sampling_settings(wildcards):
     that was made of others, and has taken the place of a result, is then known by them.
     """
     sampling = SCENES[wildcards.scene]["samplings"][wildcards.sampling]
-    return {key: value for key, value in sampling.items() if key != "mode_counts"}
+    settings = {key: value for key, value in sampling.items() if key != "mode_counts"}
+    if "modes" in settings:
+        settings["lent"] = [
+            {"physics": physics(place), "sampling": sampling_settings(place)}
+            for place in (Place(*source) for source in lenders(wildcards))
+        ]
+    return settings
 
 
 def study_settings(wildcards):
@@ -307,7 +321,8 @@ LIFTED_METHODS = {
 def computed(compute, alone=False, of_sampling=False, all_times=False, scenes=SCENES, **arguments):
     """Parameters of a rule: its function and, beside scene and inputs, what that is given.
 
-    The function and arguments may be of the wildcards, as parameters of Snakemake.
+    The function and arguments may be of the wildcards, as parameters of Snakemake; one that is
+    None is left out.
     """
 
     def of(value, wildcards):
@@ -319,7 +334,9 @@ def computed(compute, alone=False, of_sampling=False, all_times=False, scenes=SC
         "physics": lambda wildcards: physics(wildcards, scenes),
         "sampling": lambda wildcards: sampling_settings(wildcards) if of_sampling else {},
         "arguments": lambda wildcards: {
-            name: of(value, wildcards) for name, value in arguments.items()
+            name: found
+            for name, value in arguments.items()
+            if (found := of(value, wildcards)) is not None
         },
         "alone": alone,
         "all_times": all_times,
@@ -460,8 +477,33 @@ def is_own(wildcards):
     return "from" in SCENES[wildcards.scene]["samplings"][wildcards.sampling]
 
 
+def lenders(wildcards):
+    """Samplings whose snapshots give the modes of another, by scene and name; none if its own do."""
+    sampling = SCENES[wildcards.scene]["samplings"][wildcards.sampling]
+    return [source.split("/") for source in sampling.get("modes", {}).get("from", [])]
+
+
+def lending_scenes(wildcards):
+    """Settings of the scenes whose snapshots give the modes, of one for each sampling."""
+    return [physics(Place(*source)) for source in lenders(wildcards)] or None
+
+
+def mode_inputs(wildcards):
+    """Snapshots that modes are made of."""
+    known_sampling(wildcards)
+    files = [f"<results>/{scene}/{name}/snapshots.nc" for scene, name in lenders(wildcards)]
+    own = f"<results>/{wildcards.scene}/{wildcards.sampling}/snapshots.nc"
+    return {"snapshots": files or own}
+
+
 def snapshot_inputs(wildcards):
     known_sampling(wildcards)
+    if lent := lenders(wildcards):
+        names = ", ".join(map("/".join, lent))
+        stop(
+            f"scene {wildcards.scene}: sampling = {wildcards.sampling}: it has no snapshots of its "
+            f"own; its modes are of those of {names}"
+        )
     return {} if is_own(wildcards) else {"solution": f"<results>/{wildcards.scene}/sph.nc"}
 
 

@@ -23,13 +23,18 @@ use rule reference as snapshots with:
 
 use rule reference as pod with:
     input:
-        snapshots="<results>/{scene}/{sampling}/snapshots.nc",
+        unpack(mode_inputs),
     output:
         "<results>/{scene}/{sampling}/pod.nc",
     log:
         "<logs>/{scene}/{sampling}/pod.log",
     params:
-        **computed("reduced.pod.decompose", of_sampling=True),
+        **computed(
+            lambda wildcards: (
+                "reduced.joined.decompose" if lenders(wildcards) else "reduced.pod.decompose"
+            ),
+            of_sampling=True,
+        ),
     message:
         "{wildcards.scene}: modes of the snapshots {wildcards.sampling}"
 
@@ -40,7 +45,15 @@ use rule pod as lifted_pod with:
     log:
         "<logs>/{scene}/{sampling}/lifted_pod.log",
     params:
-        **computed("reduced.lifted_rom.decompose", of_sampling=True),
+        **computed(
+            lambda wildcards: (
+                "reduced.joined.decompose_lifted"
+                if lenders(wildcards)
+                else "reduced.lifted_rom.decompose"
+            ),
+            of_sampling=True,
+            sources=lending_scenes,
+        ),
     message:
         "{wildcards.scene}: energy modes of the snapshots {wildcards.sampling}"
 
