@@ -63,7 +63,10 @@ def curves(axes: Axes, colour: str) -> list[Line2D]:
 
 
 def on_top_edge(axes: Axes) -> list[Line2D]:
-    return [line for line in axes.lines if line.get_transform() == axes.get_xaxis_transform()]
+    """Markers there; a line from bottom to top has none."""
+    transform = axes.get_xaxis_transform()
+    marks = [line for line in axes.lines if line.get_marker() not in ("None", "")]
+    return [line for line in marks if line.get_transform() == transform]
 
 
 def texts(axes: Axes) -> list[str]:

@@ -182,6 +182,7 @@ class ProfileFigure(Figure):
             description="panels of a profile, default initial_velocity and velocity",
         )
     )
+    end_time: float = left_out(gt=0, description="latest time that a profile shows [s], default T")
 
 
 class ModesFigure(Figure):
@@ -206,6 +207,12 @@ class AccelerationFigure(Figure):
     shows: ClassVar[str] = "Errors of the reduced models against CPU time"
     kind: Literal["acceleration"] = Field(description=WHAT_IS_DRAWN)
     sampling: str = Field(description=SAMPLING_SHOWN)
+    multiples: Annotated[list[Annotated[float, Field(gt=0)]], Unique()] = Field(
+        [1.0],
+        min_length=1,
+        description="multiples of the error of SPH at which an acceleration figure has lines, "
+        "default 1",
+    )
 
 
 class InitialSpectrumFigure(Figure):
@@ -213,6 +220,9 @@ class InitialSpectrumFigure(Figure):
 
     shows: ClassVar[str] = "Fourier coefficients of the initial velocity"
     kind: Literal["initial_spectrum"] = Field(description=WHAT_IS_DRAWN)
+    last_harmonic: int = left_out(
+        ge=1, description="last harmonic that an initial spectrum shows, default all"
+    )
 
 
 class PhaseFigure(Figure):

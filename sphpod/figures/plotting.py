@@ -17,7 +17,13 @@ import matplotlib.style
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.axis import XAxis, YAxis
-from matplotlib.colors import AsinhNorm, Normalize
+from matplotlib.colors import (
+    AsinhNorm,
+    Colormap,
+    LinearSegmentedColormap,
+    ListedColormap,
+    Normalize,
+)
 from matplotlib.figure import Figure
 from matplotlib.gridspec import GridSpec
 from matplotlib.patches import Circle
@@ -34,6 +40,7 @@ styled = matplotlib.style.context(["default", STYLE])
 PAGE_WIDTH = 5.9  # inches: the text width of a one-column journal
 HALF_WIDTH = 3.3
 PANEL_POINTS = 165  # width of one of two panels beside each other, about
+PANEL_HEIGHT = 115  # and its height in a figure of acceleration
 
 # Okabe and Ito's palette and two darker shades: blues for the velocity, reds for the density.
 BLACK, DIM, GREY, PALE = "#000000", "#666666", "#A6A6A6", "#D9D9D9"
@@ -42,10 +49,24 @@ VERMILLION, ORANGE, BROWN = "#D55E00", "#E69F00", "#7A3500"
 GREEN, PURPLE = "#009E73", "#CC79A7"
 
 ROUNDING = 1e-12
-"""A singular value below this fraction of the first is rounding noise."""
+"""A Fourier amplitude below this fraction of the largest is rounding noise."""
 
 TURNED = 1e-2
-"""A mode that rounding turns by more than this, `pod.ROUNDING_LEVEL`, is grey."""
+"""A mode, or a span of modes, that rounding turns by more than `pod.ROUNDING_LEVEL` is grey."""
+
+ONE_SIDED = 0.02
+"""A field whose values of one sign stay below this part of the others' has half of the colours."""
+
+MOST_VALUES = 30
+"""Singular values that are drawn large; all of more stand in an inset."""
+
+SIGNED = LinearSegmentedColormap.from_list(
+    "signed", ("#00324F", "#0072B2", "#8C8C8C", "#E69F00", "#FFF6D6")
+)
+"""Ever lighter from the lowest value to the highest, so that the sign shows without colours too."""
+
+Layers = Sequence[tuple[float, str]]
+"""Start [m] and name of each layer of a material."""
 
 WORST_ERROR = 1e3
 """A relative error above this, or none at all, only says that the model broke down."""
@@ -147,6 +168,8 @@ def profile(
     solution: Arrays,
     fields: Sequence[str] = ("initial_velocity", "velocity"),
     length: float | None = None,
+    end_time: float | None = None,
+    layers: Layers = (),
 ) -> Figure:
     """Draw the initial velocity and space-time pictures of a solution (figures 3.1, 3.18, ...).
 
@@ -159,29 +182,49 @@ def profile(
         A panel each, from left to right: `initial_velocity`, `velocity` or `density_change`.
     length
         Length of the periodic domain [m]; needed where particles are not evenly spaced.
+    end_time
+        Latest time that is shown [s]; all of them if it is not given.
+    layers
+        Of a material that jumps.
 
     Raises
     ------
     ValueError
         A field is none of the three.
     """
-    shown = _shown(len(solution["t"]))
+    end = solution["t"][-1] if end_time is None else end_time * (1 + 1e-9)
+    shown = _shown(int(np.count_nonzero(solution["t"] <= end)))
     length = length or _length(solution["x"])
     figure = Figure(figsize=(PAGE_WIDTH, 2.25), layout="constrained")
     for axes, field in zip(figure.subplots(1, len(fields), squeeze=False)[0], fields, strict=True):
         if field == "initial_velocity":
             _draw_profile(axes, solution["x"], solution["velocity"][0], length)
         elif field == "velocity":
-            _draw_picture(axes, solution, solution["velocity"][shown], "velocity v", "m/s", length)
+            velocity = solution["velocity"][shown]
+            _draw_picture(axes, solution, shown, velocity, "velocity v", "m/s", length)
         elif field == "density_change":
             change = solution["density"][shown] - solution["density"][0]
-            _draw_picture(axes, solution, change, "density ρ − ρ₀", "kg/m³", length)
+            _draw_picture(axes, solution, shown, change, "density ρ − ρ₀", "kg/m³", length)
         else:
             raise ValueError(
                 f"a profile shows initial_velocity, velocity or density_change, not {field!r}"
             )
         axes.set(xlim=(0, length), xlabel="position x [m]")
+        _mark_layers(axes, layers, length, named=True)
     return figure
+
+
+def _mark_layers(axes: Axes, layers: Layers, length: float, named: bool) -> None:
+    """Lines where a material jumps, and above the axes what lies between them."""
+    ends = [start for start, _ in layers[1:]] + [start + length for start, _ in layers[:1]]
+    for (start, name), end in zip(layers, ends, strict=True):
+        if 0 < start < length:
+            axes.axvline(start, color=BLACK, linewidth=0.6, linestyle=(0, (4, 2)))
+        if named:
+            inside = min(end, length)
+            place = axes.get_xaxis_transform()
+            look: Look = {"ha": "center", "va": "bottom", "fontsize": 7, "transform": place}
+            axes.text((start + inside) / 2, 1.02, name, **look)
 
 
 def _shown(count: int, most: int = 601) -> np.ndarray:
@@ -228,7 +271,13 @@ def _draw_profile(axes: Axes, x: np.ndarray, velocity: np.ndarray, length: float
 
 
 def _draw_picture(
-    axes: Axes, solution: Arrays, values: np.ndarray, name: str, unit: str, length: float
+    axes: Axes,
+    solution: Arrays,
+    shown: np.ndarray,
+    values: np.ndarray,
+    name: str,
+    unit: str,
+    length: float,
 ) -> None:
     factor, unit = _unit(values, unit)
     x = solution["x"]
@@ -236,19 +285,14 @@ def _draw_picture(
     if not np.allclose(x, even, rtol=0, atol=1e-9 * length):
         values = np.array([np.interp(even, x, row, period=length) for row in values])
     values = factor * np.column_stack((values, values[:, 0]))
-    amplitude = np.abs(values).max(axis=1)
-    limit = amplitude.max() or 1.0
-    # A field that soon dies away would leave a blank picture on an even colour scale.
-    typical = np.median(amplitude[amplitude > 0]) if amplitude.any() else limit
-    fading = typical < 0.1 * limit
-    linear = max(typical / 2, limit / 1000)
-    norm = AsinhNorm(linear, -limit, limit) if fading else Normalize(-limit, limit)
+    norm, colours = _colours(values)
     half_cell = length / len(x) / 2
-    duration = solution["t"][-1]
+    duration = solution["t"][shown[-1]]
     half_step = duration / (len(values) - 1) / 2
     picture = axes.imshow(
         values,
         norm=norm,
+        cmap=colours,
         origin="lower",
         interpolation_stage="data",  # at most 256 colours: a third of the bytes
         extent=(
@@ -261,23 +305,56 @@ def _draw_picture(
     axes.set(ylim=(0, duration), ylabel="time t [s]")
     bar = axes.figure.colorbar(picture, ax=axes, label=f"{name} [{unit}]", pad=0.03, aspect=18)
     bar.outline.set_linewidth(0.6)
-    if fading:
-        powers = 10.0 ** np.arange(np.ceil(np.log10(linear)), np.floor(np.log10(limit)) + 1)
-        ticks = [*-powers[::-1], 0, *powers]
-        bar.set_ticks(ticks, labels=[f"{tick:g}".replace("-", "−") for tick in ticks])
-        bar.minorticks_off()
+    if isinstance(norm, AsinhNorm):
+        bar.ax.set_title("asinh scale", pad=7)
+    ticks = _ends_and_between(norm)
+    bar.set_ticks(ticks, labels=[f"{tick:.3g}".replace("-", "−") for tick in ticks])
+    bar.minorticks_off()
+
+
+def _colours(values: np.ndarray) -> tuple[Normalize, Colormap]:
+    """Scale and colours of a field over time (t, x): the same for both signs, if it has both."""
+    amplitude = np.abs(values).max(axis=1)
+    limit = float(amplitude.max()) or 1.0
+    has_low, has_high = -values.min() >= ONE_SIDED * limit, values.max() >= ONE_SIDED * limit
+    if not has_low and not has_high:
+        has_low = has_high = True
+    low, high = -limit * has_low, limit * has_high
+    # From what stands for zero on.
+    half = SIGNED(np.linspace(0 if has_low else 0.5, 1 if has_high else 0.5, 256))
+    # A field that soon dies away would leave a blank picture on an even colour scale.
+    typical = float(np.median(amplitude[amplitude > 0])) if amplitude.any() else limit
+    if typical >= 0.1 * limit:
+        return Normalize(low, high), ListedColormap(half)
+    return AsinhNorm(max(typical / 2, limit / 1000), low, high), ListedColormap(half)
+
+
+def _ends_and_between(norm: Normalize) -> list[float]:
+    """Values to label: both ends of a scale, zero, and round ones at a distance from the ends."""
+    low, high = float(norm.vmin or 0), float(norm.vmax or 0)
+    limit = max(-low, high)
+    if isinstance(norm, AsinhNorm):
+        powers = np.arange(np.ceil(np.log10(norm.linear_width)), np.floor(np.log10(limit)) + 1)
+        round_ones = 10.0**powers
     else:
-        bar.locator = MaxNLocator(6, steps=(1, 2, 5, 10))
+        round_ones = np.array(MaxNLocator(3, steps=(1, 2, 5, 10)).tick_values(0, limit))
+    zero, one, other = (float(norm(value)) for value in (0.0, low, high))
+    places = np.array([float(norm(value)) for value in (round_ones if high else -round_ones)])
+    free = np.abs(places - zero) < 0.85 * max(zero - one, other - zero)
+    between = round_ones[free & (round_ones > 0)]
+    below = [low, *-between[::-1]] if low else []
+    above = [*between, high] if high else []
+    return [float(value) for value in (*below, 0.0, *above)]
 
 
 # --- Modes ----------------------------------------------------------------------------------------
 
 
 @styled
-def modes(pod: Arrays, count: int = 12, length: float | None = None) -> Figure:
+def modes(pod: Arrays, count: int = 12, length: float | None = None, layers: Layers = ()) -> Figure:
     """Draw the first modes of velocity and of density as small multiples (figures 3.2, 3.4, ...).
 
-    Above each panel stand its number and its singular value relative to the first. Modes that
+    Above each panel stand its number and its singular value, relative to the first. Modes that
     rounding turns by more than `TURNED` are grey: those of small singular values, and
     those of equal ones, which rotate freely.
 
@@ -291,13 +368,22 @@ def modes(pod: Arrays, count: int = 12, length: float | None = None) -> Figure:
         Number of modes shown of each, or all there are.
     length
         Length of the periodic domain [m]; needed where particles are not evenly spaced.
+    layers
+        Of a material that jumps.
     """
     counts = [min(count, len(pod[f"{field}_modes"])) for field in FIELDS]
     columns = max(counts) if max(counts) <= 5 else 4
     rows = [-(-number // columns) for number in counts]
     # Inches: heights of a panel with its title, of what stands below a block, margins of a block.
     panel, below, left, right, top = 0.85, 0.46, 0.6, 0.06, 0.03
-    height = top + sum(rows) * panel + 2 * below
+    roundings = (pod[f"{f}_mode_rounding"][:n] for f, n in zip(FIELDS, counts, strict=True))
+    turned = any((rounding > TURNED).any() for rounding in roundings)
+    notes = [f"grey: {UNRESOLVED_LABEL}"] * turned
+    if layers:
+        parts = (f"{name} from x = {start:g} m" for start, name in layers)
+        notes.append(f"dashed: the material jumps; {', '.join(parts)}")
+    foot = 0.17 * bool(notes)
+    height = top + sum(rows) * panel + 2 * below + foot
     figure = Figure(figsize=(PAGE_WIDTH, height))
     ceiling = height - top
     for field, number, row_count in zip(FIELDS, counts, rows, strict=True):
@@ -312,17 +398,25 @@ def modes(pod: Arrays, count: int = 12, length: float | None = None) -> Figure:
             wspace=0.08,
             hspace=0.55,
         )
-        _draw_modes(figure, grid, pod, field, number, length or _length(pod["x"]))
+        _draw_modes(figure, grid, pod, field, number, length or _length(pod["x"]), layers)
         middle = (left + PAGE_WIDTH - right) / 2 / PAGE_WIDTH
         figure.text(middle, (floor - 0.33) / height, "position x [m]", ha="center")
         level = (floor + ceiling - 0.28) / 2 / height
         figure.text(0.06 / PAGE_WIDTH, level, "mode (unit norm)", rotation=90, va="center")
         ceiling = floor - below
+    if notes:
+        figure.text(0.5, 0.05 / height, "; ".join(notes), ha="center", fontsize=7)
     return figure
 
 
 def _draw_modes(
-    figure: Figure, grid: GridSpec, pod: Arrays, field: str, number: int, length: float
+    figure: Figure,
+    grid: GridSpec,
+    pod: Arrays,
+    field: str,
+    number: int,
+    length: float,
+    layers: Layers,
 ) -> None:
     x, shapes = pod["x"], pod[f"{field}_modes"][:number]
     values = pod[f"{field}_singular_values"][:number]
@@ -338,14 +432,16 @@ def _draw_modes(
         row, column = divmod(index, grid.ncols)
         axes = figure.add_subplot(grid[row, column], xlim=(0, length), ylim=(-limit, limit))
         axes.axhline(0, color=GREY, linewidth=0.4)
+        _mark_layers(axes, layers, length, named=False)
         axes.plot(
             np.append(x, length),
             np.append(shape, shape[0]),
             color=colour if is_known else GREY,
         )
         ratio = f"σ{str(index + 1).translate(SUBSCRIPTS)}/σ₁ = {shortened(weight)}"
-        if not values[0]:
-            ratio = "σ₁ = 0"
+        if not index or not values[0]:
+            unit = {"velocity": "m/s", "density": "kg/m³"}[field]
+            ratio = f"σ₁ = {shortened(values[0])} {unit}" if values[0] else "σ₁ = 0"
         axes.set_title(f"{field} mode {index + 1}\n{ratio}", y=1, pad=2.5, linespacing=1.05)
         # Shared axes: ticks, the costly part of a panel, only along the edges of the block.
         if column == 0:
@@ -393,12 +489,14 @@ def error(pod: Arrays, sweep: Arrays, errors: Arrays, reference: str) -> Figure:
     """Draw singular values, and errors against the number of modes (figures 3.3, 3.5, ...).
 
     An error that is not finite, or above 10³, stands as a marker on the top edge. Errors of models
-    whose modes are not resolved are grey: they may change with the processor.
+    whose modes are not resolved are grey: they may change with the processor. A line stands at the
+    smallest mode count whose errors of velocity and density are both below those of SPH.
 
     Parameters
     ----------
     pod
-        `velocity_singular_values`, `density_singular_values`.
+        `velocity_singular_values`, `density_singular_values`; `velocity_span_rounding`,
+        `density_span_rounding`.
     sweep
         `mode_count` and, at each, `modes_resolved`, `velocity_error_sph`, `density_error_sph`,
         `velocity_error_reference`, `density_error_reference` of the original reduced model.
@@ -417,21 +515,46 @@ def error(pod: Arrays, sweep: Arrays, errors: Arrays, reference: str) -> Figure:
 
 
 def _draw_singular_values(axes: Axes, pod: Arrays) -> None:
-    noise = None
-    for field, symbol, colour, marker in zip(FIELDS, "vρ", (BLUE, VERMILLION), "os", strict=True):
-        values = pod[f"{field}_singular_values"]
-        number = np.arange(1, len(values) + 1)
-        kept = values >= ROUNDING * values[0]
-        look: Look = {"linestyle": "", "marker": marker, "markersize": 2.5}
-        label = f"{symbol}, singular value"
-        axes.plot(number[kept], values[kept], color=colour, label=label, **look)
-        if not kept.all():
-            (noise,) = axes.plot(number[~kept], values[~kept], color=GREY, **look)
-    if noise:
-        noise.set_label("below 10⁻¹² of the first")
+    most = max(len(pod[f"{field}_singular_values"]) for field in FIELDS)
+    shown = min(most, MOST_VALUES)
+    whole = [axes]
+    if most > shown:
+        # Singular values fall, so that the upper right is free.
+        inset = axes.inset_axes((0.6, 0.6, 0.38, 0.38))
+        inset.tick_params(labelsize=7)
+        whole.append(inset)
+    turned = []
+    for panel, last in zip(whole, (shown, most), strict=False):
+        values_shown = []
+        for field, symbol, colour, marker in zip(
+            FIELDS, "vρ", (BLUE, VERMILLION), "os", strict=True
+        ):
+            values = pod[f"{field}_singular_values"][:last]
+            number = np.arange(1, len(values) + 1)
+            kept = pod[f"{field}_span_rounding"][:last] <= TURNED
+            size = 2.5 if panel is axes else 1.0
+            look: Look = {"linestyle": "", "marker": marker, "markersize": size}
+            panel.plot(
+                number[kept], values[kept], color=colour, label=f"{symbol}, singular value", **look
+            )
+            if not kept.all():
+                turned += panel.plot(number[~kept], values[~kept], color=GREY, **look)
+            values_shown.append(values)
+        scale_log(panel.yaxis, np.concatenate(values_shown))
+        number_axis(panel.xaxis, last, 5 if panel is axes else 2)
+        if panel is not axes:
+            panel.yaxis.set_major_locator(LogLocator(numticks=4))
+    if turned:
+        turned[0].set_label(UNRESOLVED_LABEL)
     axes.set(xlabel="mode number", ylabel="singular value [m/s, kg/m³]")
-    axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
-    scale_log(axes.yaxis, np.concatenate([pod[f"{field}_singular_values"] for field in FIELDS]))
+
+
+def number_axis(axis: XAxis, last: int, most: int = 6) -> None:
+    """Ticks at whole numbers from 1 to the last, the first and multiples of one step."""
+    step = next(n for e in range(9) for n in (10**e, 2 * 10**e, 5 * 10**e) if last <= most * n)
+    ticks = [1, *(n for n in range(step, last + 1, step) if n > 1)]
+    axis.axes.set_xlim(1 - 0.03 * last, last + 0.03 * last)
+    axis.set_ticks(ticks, labels=[str(n) for n in ticks])
 
 
 def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> None:
@@ -467,8 +590,19 @@ def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> N
     if broken_anywhere:
         axes.set_title(BREAKDOWN_NOTE, loc="right")
     axes.set(xlabel="number of modes k", ylabel="relative L² error")
-    axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
+    number_axis(axes.xaxis, int(counts[-1]), 5)
     scale_log(axes.yaxis, np.concatenate(drawn))
+    works = np.logical_and.reduce(
+        [
+            sweep[f"{field}_error_sph"] < _sph_error(errors, field, reference)
+            for field in FIELDS
+            if _sph_error(errors, field, reference) > 0
+        ]
+    )
+    if np.any(works):
+        k = counts[np.argmax(works)]
+        label = f"k = {k}: POD errors below those of SPH"
+        axes.axvline(k, color=DIM, linewidth=0.8, linestyle=(0, (1, 1)), label=label, zorder=0.5)
 
 
 def mark_breakdown(axes: Axes, places: np.ndarray, look: Look) -> None:
@@ -505,7 +639,7 @@ def scale_log(
 
 
 FULL_MODELS = {"sph_neighbour_lists": "none", "sph_stencil": "full"}
-REDUCED_MODELS = {"original": "+", "linearized": "x"}
+REDUCED_MODELS = {"original": "s", "linearized": "D"}
 NAMES = {
     "sph_neighbour_lists": "SPH, neighbour lists",
     "sph_stencil": "SPH, even spacing",
@@ -516,11 +650,17 @@ MODE_COUNT_COLOURS = (BLUE, VERMILLION, GREEN, PURPLE, ORANGE, SKY)
 
 
 @styled
-def acceleration(acceleration: Arrays, cpu_time: Arrays, errors: Arrays, reference: str) -> Figure:
+def acceleration(
+    acceleration: Arrays,
+    cpu_time: Arrays,
+    errors: Arrays,
+    reference: str,
+    multiples: Sequence[float] = (1,),
+) -> Figure:
     """Draw error against CPU time, velocity left, density right (figures 3.17, 3.21, ...).
 
     Full SPH is compared with the reference, reduced models with full SPH. A point stands at the
-    median CPU time, its bar spans the quartiles.
+    median CPU time, its bar spans the quartiles. Lines stand at the error of SPH.
 
     Parameters
     ----------
@@ -534,8 +674,10 @@ def acceleration(acceleration: Arrays, cpu_time: Arrays, errors: Arrays, referen
         `solution`, `reference`, `velocity_error`, `density_error` of shape (solution, reference).
     reference
         The reference of the scene, as named in `errors`.
+    multiples
+        Of the error of SPH, at which lines stand.
     """
-    figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
+    figure = Figure(figsize=(PAGE_WIDTH, 3.3), layout="constrained")
     panels = figure.subplots(1, 2)
     for axes, field, symbol in zip(panels, FIELDS, "vρ", strict=True):
         of_sph = _sph_error(errors, field, reference)
@@ -552,18 +694,24 @@ def acceleration(acceleration: Arrays, cpu_time: Arrays, errors: Arrays, referen
                 cpu_time["contender"], cpu_time["contender_mode_count"], strict=True
             )
         ]
-        _draw_acceleration(axes, cpu_time, np.array(values))
+        levels = {factor: factor * of_sph for factor in multiples}
+        _draw_acceleration(axes, cpu_time, np.array(values), levels)
         axes.set_ylabel(f"relative L² error of {field} {symbol}")
     handles, labels = panels[0].get_legend_handles_labels()
-    title = "SPH: error against the reference; POD: error against SPH; numbers at the dots: n"
+    title = (
+        "Stars: SPH, error against the reference; other markers: POD, error against SPH;\n"
+        "bars: quartiles of the repeated runs; numbers at the dots: n"
+    )
     figure.legend(
         handles, labels, loc="outside lower center", ncols=min(3, -(-len(labels) // 3)), title=title
     )
     return figure
 
 
-def _draw_acceleration(axes: Axes, cpu_time: Arrays, values: np.ndarray) -> None:
-    """Draw the errors `values`, one a contender, against CPU time."""
+def _draw_acceleration(
+    axes: Axes, cpu_time: Arrays, values: np.ndarray, levels: Mapping[float, float]
+) -> None:
+    """Draw the errors `values`, one a contender, against CPU time, and levels of multiples."""
     names, counts, steps = (
         cpu_time[name] for name in ("contender", "contender_mode_count", "n_freeze")
     )
@@ -572,7 +720,8 @@ def _draw_acceleration(axes: Axes, cpu_time: Arrays, values: np.ndarray) -> None
     broken = values > WORST_ERROR
     shown = np.where(broken, np.nan, values)
     scale_log(axes.xaxis, quartiles[::2].ravel())
-    scale_log(axes.yaxis, values[values <= WORST_ERROR], room=0.12)
+    known = np.append(values[values <= WORST_ERROR], list(levels.values()))
+    scale_log(axes.yaxis, known, room=0.12)
 
     def draw(chosen: np.ndarray, label: str, look: Look) -> None:
         if len(chosen):
@@ -585,7 +734,8 @@ def _draw_acceleration(axes: Axes, cpu_time: Arrays, values: np.ndarray) -> None
     mode_counts = np.unique(counts[counts > 0])
     for place, (count, colour) in enumerate(zip(mode_counts, cycle(MODE_COUNT_COLOURS))):
         for name, marker in REDUCED_MODELS.items():
-            look = {"color": colour, "marker": marker, "markersize": 6, "linestyle": ""}
+            look = {"color": colour, "marker": marker, "markersize": 5, "linestyle": ""}
+            look |= {"fillstyle": "none"}
             draw(
                 np.flatnonzero((names == name) & (counts == count)),
                 f"k = {count}, {NAMES[name]}",
@@ -601,6 +751,9 @@ def _draw_acceleration(axes: Axes, cpu_time: Arrays, values: np.ndarray) -> None
     for name, filling in FULL_MODELS.items():
         look = {"color": BLACK, "marker": "*", "fillstyle": filling, "markersize": 7}
         draw(np.flatnonzero(names == name), NAMES[name], {**look, "linestyle": ""})
+    for (factor, level), dashes in zip(levels.items(), cycle(((4, 2), (1, 1))), strict=False):
+        name = "error of SPH" if factor == 1 else f"{factor:g} times the error of SPH"
+        axes.axhline(level, color=DIM, linewidth=0.8, linestyle=(0, dashes), label=name, zorder=0.5)
     if broken.any():
         axes.set_title(BREAKDOWN_NOTE, loc="right")
     axes.set_xlabel("CPU time [s]")
@@ -635,18 +788,21 @@ def _label_steps(
     above: bool,
 ) -> None:
     """Write the numbers of frozen steps at their dots, together where dots stand close."""
-    left, right = axes.get_xlim()
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
     points = PANEL_POINTS * np.log(times / left) / np.log(right / left)
     finite = values <= WORST_ERROR
-    groups: list[list[int]] = []
-    for dot in np.lexsort((points, finite)).tolist():
-        if groups and finite[groups[-1][0]] == finite[dot]:
-            # A figure is some 4 pt wide.
-            needed = 2 * len(_listed(steps[groups[-1]])) + 2 * len(str(steps[dot])) + 4
-            if points[dot] - points[groups[-1]].mean() < needed:
-                groups[-1].append(dot)
-                continue
-        groups.append([dot])
+    heights = np.log(np.where(finite, values, top) / bottom) / np.log(top / bottom) * PANEL_HEIGHT
+
+    def covers(one: list[int], other: list[int]) -> bool:
+        """Whether labels of dots would, a figure of them some 4 pt wide and a line 9 pt high."""
+        apart = abs(points[one].mean() - points[other].mean())
+        wide = 2 * len(_listed(steps[one])) + 2 * len(_listed(steps[other])) + 3
+        same = finite[one[0]] == finite[other[0]]
+        return same and apart < wide and np.ptp(heights[[*one, *other]]) < 9
+
+    groups = [[dot] for dot in np.argsort(points).tolist()]
+    while near := next((n for n in range(1, len(groups)) if covers(*groups[n - 1 : n + 1])), None):
+        groups[near - 1 : near + 1] = [groups[near - 1] + groups[near]]
     for group in groups:
         # Errors grow with n, so to the right above the line and to the left below it is room.
         side = 1 if above and finite[group[0]] else -1
@@ -678,15 +834,18 @@ def _sph_error(errors: Arrays, field: str, reference: str) -> float:
 
 
 @styled
-def initial_spectrum(solution: Arrays) -> Figure:
+def initial_spectrum(solution: Arrays, last_harmonic: int | None = None) -> Figure:
     """Draw the amplitudes of the discrete Fourier modes of an initial velocity (figure C.2).
 
-    Those below 1e-12 of the largest are rounding noise and grey.
+    Those below 1e-12 of the largest are rounding noise and grey. Lines stand at 10 % and 1 % of the
+    largest.
 
     Parameters
     ----------
     solution
         `velocity` [m/s] of shape (t, x), its first time 0.
+    last_harmonic
+        The last harmonic that is shown; all of them if it is not given.
     """
     velocity = solution["velocity"][0]
     count = len(velocity)
@@ -694,11 +853,16 @@ def initial_spectrum(solution: Arrays) -> Figure:
     amplitude[0] /= 2
     if count % 2 == 0:
         amplitude[-1] /= 2
+    largest = amplitude.max()
+    amplitude = amplitude[: last_harmonic + 1 if last_harmonic else None]
     harmonic = np.arange(len(amplitude))
-    figure = Figure(figsize=(HALF_WIDTH, 2.25), layout="constrained")
+    figure = Figure(figsize=(HALF_WIDTH, 2.4), layout="constrained")
     axes = figure.subplots()
     scale_log(axes.yaxis, amplitude)
-    noise = amplitude < ROUNDING * amplitude.max()
+    for part, dashes in ((0.1, (4, 2)), (0.01, (1, 1))):
+        look: Look = {"color": DIM, "linewidth": 0.8, "linestyle": (0, dashes), "zorder": 0.5}
+        axes.axhline(part * largest, label=f"{100 * part:g} % of the largest", **look)
+    noise = amplitude < ROUNDING * largest
     for chosen, colour, label in (
         (~noise, BLUE, "discrete Fourier mode"),
         (noise, GREY, "below 10⁻¹² of the largest"),
@@ -709,6 +873,7 @@ def initial_spectrum(solution: Arrays) -> Figure:
             axes.plot(harmonic[chosen], shown, "o", color=colour, markersize=2, label=label)
     figure.legend(loc="outside lower center", ncols=2)
     axes.set(xlabel="harmonic number", ylabel="amplitude in v₀ [m/s]")
+    axes.xaxis.set_major_locator(MaxNLocator(6, integer=True, steps=(1, 2, 5, 10)))
     return figure
 
 

@@ -183,6 +183,9 @@ def _percent(predicted: float, measured: float) -> str:
 # --- Map ------------------------------------------------------------------------------------------
 
 
+DRIFT_NOTE = "original POD: faint growth below the limit is drift of its density, not instability"
+
+
 @styled
 def stability_map(damping: Arrays, modes: Arrays) -> Figure:
     """Draw growth in a step of runs over time step and damping, and over time step and modes.
@@ -233,7 +236,7 @@ def stability_map(damping: Arrays, modes: Arrays) -> Figure:
     for axes in panels[:, 0]:
         axes.set_ylabel("time step Δt [s]")
     _add_growth_bar(figure, mesh, norm)
-    _add_legend(figure, panels.flat)
+    _add_legend(figure, panels.flat, title=DRIFT_NOTE if "original" in modes["contender"] else None)
     return figure
 
 
@@ -633,23 +636,21 @@ def _draw_runs(figure: SubFigure, runs: Mapping[Place, Arrays]) -> None:
 # --- Smoothing ------------------------------------------------------------------------------------
 
 
-PAPER_RATIOS = (1.04, 1.06, 1.2)
-"""Smoothing ratios of the paper's scenes."""
-
-
 @styled
 def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     """Draw what the smoothing length does to derivative, time step, neighbours and errors.
 
-    The paper's smoothing ratios are marked. Above, what belongs to the kernel alone; the stable
-    time steps of all scenes lie on each other where their materials are even. Below, errors of full
-    SPH; those that are not finite, or above 10³, stand on the top edge. Ratios are spread by the
+    The scenes' own smoothing ratios are marked, on their curves of errors too. Above, what belongs
+    to the kernel alone; the stable time steps of all scenes lie on each other where their materials
+    are even. Below, errors of full SPH; those that are not finite, or above 10³, stand on the top
+    edge. Ratios are spread by the
     logarithm of their distance from one, which parts those of the paper.
 
     Parameters
     ----------
     scenes
-        By scene: `smoothing_ratio`, above 1, alike for all, `derivative_coefficient`,
+        By scene: `smoothing_ratio`, above 1, alike for all, `scene_smoothing_ratio`, which the
+        scene has, `derivative_coefficient`,
         `dispersion_coefficient`, `neighbour_count`, `stable_time_step` [s],
         `smoothing_velocity_error`, `smoothing_density_error`.
 
@@ -666,7 +667,8 @@ def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     panels = figure.subplots(2, 2, sharex=True)
     first = next(iter(scenes.values()))
     ratios = first["smoothing_ratio"]
-    usual = np.abs(ratios - PAPER_RATIOS[0]).argmin()
+    own = sorted({float(scene["scene_smoothing_ratio"]) for scene in scenes.values()})
+    usual = np.abs(ratios - own[0]).argmin()
     beta, stable = panels[0]
     beta.axhline(1, color=GREY, linewidth=0.6)
     beta.plot(ratios, first["derivative_coefficient"], color=BLUE)
@@ -688,7 +690,7 @@ def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     broken = [_draw_smoothing_errors(axes, scenes, looks, field)
               for axes, field in zip(panels[1], FIELDS, strict=True)]  # fmt: skip
     for axes in panels.flat:
-        _scale_ratios(axes, np.concatenate([s["smoothing_ratio"] for s in scenes.values()]))
+        _scale_ratios(axes, np.append(ratios, own), own)
     for axes in panels[1]:
         axes.set_xlabel("smoothing ratio α = h/Δx")
     _add_legend(figure, panels[1], 4, BREAKDOWN_NOTE if any(broken) else None)
@@ -714,6 +716,11 @@ def _draw_smoothing_errors(
         mark_breakdown(axes, scene["smoothing_ratio"][bad], looks[name])
         drawn.append(values[values <= WORST_ERROR])
         broken |= bool(bad.any())
+    for (name,), scene in scenes.items():
+        ratios, values = scene["smoothing_ratio"], scene[f"smoothing_{field}_error"]
+        own = np.isclose(ratios, scene["scene_smoothing_ratio"]) & (values <= WORST_ERROR)
+        look = {"marker": "o", "fillstyle": "none", "markersize": 7, "linestyle": ""}
+        axes.plot(ratios[own], values[own], **{**look, "color": looks[name]["color"]})
     scale_log(axes.yaxis, np.concatenate(drawn))
     axes.set_ylabel(f"relative L² error of {field}")
     return broken
@@ -724,8 +731,8 @@ def _spread(ratios: np.ndarray) -> np.ndarray:
     return np.log10(np.maximum(ratios - 1, 1e-9))
 
 
-def _scale_ratios(axes: Axes, ratios: np.ndarray) -> None:
-    """Spread smoothing ratios by their distance from one, and mark those of the paper."""
+def _scale_ratios(axes: Axes, ratios: np.ndarray, own: Sequence[float]) -> None:
+    """Spread smoothing ratios by their distance from one, and mark those that scenes have."""
     low, high = 1 + (ratios.min() - 1) / 1.15, 1 + (ratios.max() - 1) * 1.15
     axes.set_xscale("function", functions=(_spread, lambda place: 1 + 10**place))
     axes.set_xlim(low, high)
@@ -733,10 +740,18 @@ def _scale_ratios(axes: Axes, ratios: np.ndarray) -> None:
     axes.xaxis.set_major_locator(FixedLocator(ticks))
     axes.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axes.xaxis.set_minor_locator(NullLocator())
-    for ratio, side in zip(PAPER_RATIOS, ("right", "left", "center"), strict=True):
-        if not low <= ratio <= high:
-            continue
+    places = (_spread(np.array(own)) - _spread(low)) / (_spread(high) - _spread(low))
+    labelled = -1.0
+    for n, (ratio, place) in enumerate(zip(own, places, strict=True)):
+        # Two that are close stand on either side of their lines.
+        near_next = n + 1 < len(own) and places[n + 1] - place < 0.12
+        near_last = n > 0 and place - places[n - 1] < 0.12
+        side = "left" if near_last else "right" if near_next else "center"
         axes.axvline(ratio, color=DIM, linewidth=0.6, linestyle=":")
+        start = place - {"left": 0, "center": 0.05, "right": 0.1}[side]
+        if start < labelled:
+            continue
+        labelled = start + 0.1
         axes.annotate(f"{ratio:g}", (ratio, 1), xycoords=axes.get_xaxis_transform(),
                       xytext=(0, 2), textcoords="offset points", ha=side, **NOTE)  # fmt: skip
 

@@ -92,6 +92,22 @@ def kind(scene: Scene) -> str | None:
     return "two_layer" if rounding <= LARGEST_ROUNDING * slowest else None
 
 
+def layers(scene: Scene) -> list[tuple[float, str]]:
+    """Start [m] and name, by what differs, of the layers of a scene that has two; else none."""
+    if kind(scene) != "two_layer":
+        return []
+    left, width, *_ = _layers(scene)
+    centre = (left + width / 2) % scene.domain_length
+    modulus, density = scene.youngs_modulus(x=centre), scene.initial_density(x=centre)
+    differing = [
+        [f"{symbol} = {value:g} {unit}" for value in values]
+        for symbol, values, unit in (("c", modulus, "Pa"), ("ρ₀", density, "kg/m³"))
+        if not _uniform(values)
+    ]
+    names = [", ".join(parts) for parts in zip(*differing, strict=True)]
+    return sorted(zip((left % scene.domain_length).tolist(), names, strict=True))
+
+
 def solve(scene: Scene) -> dict[str, np.ndarray]:
     """Exact solution at the particles and the times of the error integral.
 

@@ -46,13 +46,15 @@ def study(
     dict
         smoothing_ratio; derivative_coefficient β, dispersion_coefficient κ, neighbour_count on each
         side; stable_time_step [s], of leapfrog without damping; smoothing_velocity_error and
-        smoothing_density_error, NaN where the run broke down; each (ratios,).
+        smoothing_density_error, NaN where the run broke down; each (ratios,); and
+        scene_smoothing_ratio, the scene's own.
     """
     ratios = list(smoothing_ratios)
     others = [replace(scene, smoothing_ratio=ratio) for ratio in ratios]
     errors = np.array([_errors(other, reference) for other in others])
     return {
         "smoothing_ratio": np.array(ratios, float),
+        "scene_smoothing_ratio": np.array(scene.smoothing_ratio),
         "derivative_coefficient": np.array([derivative_coefficient(ratio) for ratio in ratios]),
         "dispersion_coefficient": np.array([dispersion_coefficient(ratio) for ratio in ratios]),
         "neighbour_count": np.array([neighbour_count(ratio) for ratio in ratios]),
@@ -117,7 +119,7 @@ def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     arrays : dict
         As from `study` or `overall`.
     """
-    table = dict(arrays) | {
+    table = {name: values for name, values in arrays.items() if np.ndim(values)} | {
         f"{field}_rank": ranks(arrays[f"smoothing_{field}_error"]) for field in FIELDS
     }
     for n in range(arrays["smoothing_ratio"].size):
@@ -157,6 +159,7 @@ STUDY = Study(
     ),
     variables={
         "smoothing_ratio": Variable(("smoothing_ratio",), "1", "smoothing length in spacings"),
+        "scene_smoothing_ratio": Variable((), "1", "smoothing length of the scene, in spacings"),
         "derivative_coefficient": Variable(
             ("smoothing_ratio",), "1", "coefficient of the first derivative in that of SPH"
         ),

@@ -52,6 +52,8 @@ def pod(velocity_modes: int = 30, density_modes: int = 30, particles: int = 80) 
         "density_singular_values": 90 * 1e-4 ** np.arange(density_modes),
         "velocity_mode_rounding": np.where(np.arange(velocity_modes) < 4, 1e-3, 0.1),
         "density_mode_rounding": np.where(np.arange(density_modes) < 4, 1e-3, 0.1),
+        "velocity_span_rounding": np.where(np.arange(velocity_modes) < 4, 1e-3, 0.1),
+        "density_span_rounding": np.where(np.arange(density_modes) < 4, 1e-3, 0.1),
     }
 
 
@@ -366,20 +368,74 @@ def test_error_panels() -> None:
         f"{symbol}, {comparison}"
         for symbol in "vρ"
         for comparison in ("POD against SPH", "POD against reference", "SPH against reference")
-    ]
+    ] + ["k = 6: POD errors below those of SPH"]
+    assert left.get_xticks().tolist() == [1, 10, 20, 30]
+    assert right.get_xticks().tolist() == [1, 5, 10, 15, 20]
     # SPH against the reference asked for, as a level line.
     assert list(y_of(curves(right, plotting.NAVY)[0])) == [0.06, 0.06]
     assert list(y_of(curves(right, plotting.BROWN)[0])) == [4e-4, 4e-4]
     looks = [(line.get_color(), line.get_linestyle(), line.get_marker()) for line in right.lines]
-    assert len({colour for colour, _, _ in looks}) == len(looks) == 6
+    assert len({colour for colour, _, _ in looks}) == len(looks) == 7
     assert len({marker for _, _, marker in looks} - {"None", ""}) == 4
-    assert len({line for _, line, _ in looks}) == 4
+    assert len({line for _, line, _ in looks[:-1]}) == 4
+
+
+def test_the_threshold_is_marked_where_both_errors_are_below_those_of_sph() -> None:
+    found = sweep()
+    works = (found["velocity_error_sph"] < 0.06) & (found["density_error_sph"] < 4e-4)
+    k = found["mode_count"][works][0]
+    right = plotting.error(pod(), found, errors(), "fd").axes[1]
+    assert x_of(curves(right, plotting.DIM)[0])[0] == k
+    none = {**found, "density_error_sph": np.ones(20)}
+    assert not curves(plotting.error(pod(), none, errors(), "fd").axes[1], plotting.DIM)
+
+
+def test_singular_values_beyond_the_thirtieth_stand_in_an_inset() -> None:
+    many = pod(80, 60) | {
+        "velocity_singular_values": 0.8 ** np.arange(80),
+        "density_singular_values": 0.7 ** np.arange(60),
+    }
+    left = plotting.error(many, sweep(), errors(), "fd").axes[0]
+    (inset,) = left.child_axes
+    assert left.get_xlim()[1] < 32 < 80 < inset.get_xlim()[1]
+    assert sum(len(x_of(line)) for line in inset.lines) == 140
+    assert not plotting.error(pod(), sweep(), errors(), "fd").axes[0].child_axes
+
+
+def test_colours_show_the_sign_in_grey_and_the_ends_have_labels() -> None:
+    grey = plotting.SIGNED(np.linspace(0, 1, 50))[:, :3] @ (0.299, 0.587, 0.114)
+    assert np.all(np.diff(grey) > 0)
+    _, picture, bar = plotting.profile(solution()).axes
+    low, high = picture.images[0].get_clim()
+    assert (bar.get_yticks()[0], bar.get_yticks()[-1]) == (low, high)
+    positive = solution() | {"velocity": np.abs(solution()["velocity"])}
+    picture = plotting.profile(positive).axes[1]
+    low, high = picture.images[0].get_clim()
+    assert low == 0
+    assert high == np.abs(pixels(picture)).max()
+    # Zero has the colour that it has beside negative values.
+    np.testing.assert_allclose(picture.images[0].cmap(0.0), plotting.SIGNED(0.5), atol=0.01)
+
+
+def test_layers_are_marked_and_named() -> None:
+    layers = [(0.25, "c = 1 Pa"), (0.6, "c = 2 Pa")]
+    line, picture, _ = plotting.profile(solution(), layers=layers).axes
+    for axes in (line, picture):
+        assert [text.get_text() for text in axes.texts] == ["c = 1 Pa", "c = 2 Pa"]
+        marks = [x_of(mark)[0] for mark in curves(axes, plotting.BLACK)]
+        assert marks == [0.25, 0.6]
+
+
+def test_a_profile_ends_where_it_is_asked_to() -> None:
+    times = solution()["t"]
+    picture = plotting.profile(solution(), end_time=times[-1] / 4).axes[1]
+    assert picture.get_ylim()[1] == pytest.approx(times[-1] / 4, rel=0.02)
 
 
 def test_errors_of_modes_near_rounding_are_grey() -> None:
     figure = unresolved_error()
     right = figure.axes[1]
-    assert right.get_legend_handles_labels()[1][-1] == plotting.UNRESOLVED_LABEL
+    assert plotting.UNRESOLVED_LABEL in right.get_legend_handles_labels()[1]
     known = np.setdiff1d(np.arange(20), [4, *range(9, 20)])
     for colour, marker in (
         (plotting.BLUE, "o"),
@@ -439,9 +495,9 @@ def test_acceleration_panels() -> None:
             f"k = {count}, {name}"
             for count in (8, 12)
             for name in ("original POD", "linearized density", "frozen for n steps")
-        ] + ["SPH, neighbour lists", "SPH, even spacing"]
-        markers = [lines[label].get_marker() for label in list(lines)[2:]]
-        assert markers == ["o", "+", "x", "o", "*", "*"]
+        ] + ["SPH, neighbour lists", "SPH, even spacing", "error of SPH"]
+        markers = [lines[label].get_marker() for label in list(lines)[2:-1]]
+        assert markers == ["o", "s", "D", "o", "*", "*"]
         frozen = lines["k = 12, frozen for n steps"]
         assert frozen.get_linestyle() == "--"
         # The median of n = 1, 2, 5, 10.
@@ -450,8 +506,12 @@ def test_acceleration_panels() -> None:
         )
         dots = ", ".join(text.get_text() for text in axes.texts).split(", ")
         assert sorted(dots, key=int) == ["1", "1", "2", "2", "5", "5", "10", "10"]
-    star = figure.axes[0].get_legend_handles_labels()[0][-1]
+    star, level = figure.axes[0].get_legend_handles_labels()[0][-2:]
     assert y_of(star) == [0.06]
+    assert list(y_of(level)) == [0.06, 0.06]
+    doubled = plotting.acceleration(*study(), errors(), "fd", multiples=[1, 2]).axes[0]
+    lines = dict(zip(*doubled.get_legend_handles_labels()[::-1], strict=True))
+    assert list(y_of(lines["2 times the error of SPH"])) == [0.12, 0.12]
 
 
 def test_acceleration_that_breaks_down() -> None:

@@ -294,7 +294,10 @@ def paper_study(wildcards):
 def figure_options(wildcards):
     """Arguments of the plotting function of a figure that are not inputs."""
     figure = {"kind": None} | ALL_FIGURES[wildcards.name]
-    options = {key: figure[key] for key in ("fields", "position") if key in figure}
+    keys = "fields", "position", "end_time", "last_harmonic", "multiples"
+    options = {key: figure[key] for key in keys if key in figure}
+    if figure["kind"] in ("profile", "modes"):
+        options["layers"] = exact.layers(physical(figure["scene"]))
     if figure["kind"] in ("profile", "modes") and "positions" in SCENES[figure["scene"]]:
         options["length"] = SCENES[figure["scene"]]["domain_length"]
     if figure["kind"] in ("error", "acceleration"):
