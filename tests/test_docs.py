@@ -17,6 +17,7 @@ from snakemake.cli import get_argument_parser  # type: ignore[import-untyped]
 
 import sphpod
 from sphpod.config import config, configuration, refusals
+from sphpod.paper import claims
 from sphpod.pipeline.dataset import VARIABLES
 from sphpod.scene import kernel
 from sphpod.scene.scene import Scene
@@ -326,8 +327,8 @@ def test_map_covers_the_paper(paper):
     drawn += [figure["name"] for figure in paper["illustrations"]]
     listed = [figure for row in table for figure in numbers(row[2])]
     assert sorted(listed) == sorted(name.partition("_")[0] for name in drawn)
-    claims = [claim for row in table for claim in numbers(row[3])]
-    assert sorted(claims) == sorted(claim["id"] for claim in paper["claims"])
+    stated = [claim for row in table for claim in numbers(row[3])]
+    assert sorted(stated) == sorted(claim["id"] for claim in paper["claims"])
     scenes = set()
     for row in table:
         scene = ""
@@ -349,7 +350,11 @@ def test_timings_are_all_listed(paper):
         if figure["kind"] == "acceleration"
     ]
     assert re.findall(r"[A-Z\d]\.\d+", section) == drawn
-    timed = [claim["id"] for claim in paper["claims"] if "cpu_time" in str(claim["criterion"])]
+    timed = [
+        claim["id"]
+        for claim in claims.resolve(paper)
+        if any("cpu_time" in place for one in claim["criterion"] for place in one["files"])
+    ]
     assert re.findall(r"[A-Z]\d\d", section) == timed
 
 

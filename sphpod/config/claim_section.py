@@ -22,21 +22,52 @@ class Criterion(Section):
     """
 
     kind: Literal[
+        "aligned_only_there",
+        "alike_at_every_k",
+        "better_on_average",
+        "both_drop",
         "calmer_half",
         "cpu_time_alike",
+        "cpu_time_falls",
+        "cpu_time_rises_little",
         "cpu_time_saved",
+        "decays_faster",
+        "density_error_smaller",
+        "density_groups",
         "derivative_coefficient",
         "dispersion_coefficient",
+        "dominant_harmonics",
+        "doubled",
         "error_above",
         "error_below",
         "error_drop",
+        "error_grows",
+        "error_step",
+        "errors_fall",
+        "fails_with",
+        "follows_modified",
+        "freezing_adds_more",
         "freezing_effect",
+        "freezing_negligible",
+        "frozen_is_cheaper",
+        "high_harmonics_decay",
+        "linearized_improves",
         "mixing_matrix",
+        "modes_are_mixed",
+        "modes_miss_harmonics",
+        "more_modes_help",
+        "nearly_diagonal",
+        "need_more_modes",
+        "periodic_in_time",
+        "pure_modes",
         "singular_value_drop",
         "singular_value_groups",
         "smallest_working_count",
+        "some_variant_better",
         "sph_error",
+        "sph_errors_larger",
         "uniform_mode",
+        "variant_errors",
         "works_for_none",
         "works_for_some",
         "works_from",
@@ -49,6 +80,19 @@ class Criterion(Section):
         min_length=1,
         description="acceleration studies looked at instead of the claim's, scene to sampling",
     )
+    places: Annotated[list[str], Unique()] = left_out(
+        min_length=1,
+        description="places looked at instead of the claim's, each a scene or scene/sampling",
+    )
+    variants: list[str] = left_out(
+        min_length=2,
+        max_length=2,
+        description="variants of a scene (studies.variants) that are compared, own for itself",
+    )
+    start: float = left_out(ge=0, description="first time looked at [s]")
+    end: float = left_out(gt=0, description="last time looked at [s]")
+    period: float = left_out(gt=0, description="period of the motion [s]")
+    periods: Count = left_out(description="number of periods looked at")
     field: FieldName = left_out(description="field looked at")
     rising: FieldName = left_out(description="field whose error is to rise")
     steady: FieldName = left_out(description="field whose error is to stay")
@@ -122,6 +166,10 @@ class Claim(Section):
         ge=0,
         description="largest relative difference that counts as reproduced (dimensionless), "
         "default 0",
+    )
+    erratum: int = left_out(
+        ge=1,
+        description="number of the erratum without which the paper's number is not reproduced",
     )
     criterion: Annotated[
         Annotated[Criterion, Tag("<mapping>")]

@@ -40,6 +40,7 @@ from sphpod.reduced import snapshots
 from sphpod.reference import exact
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
+from sphpod.studies.variants import CHANGES
 
 LARGEST_COUNTS = {"time_step": 10**9, "error_interval": 10**6}
 """How often a key may fit in the duration, so that a slip of the pen does not fill the memory."""
@@ -100,6 +101,7 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     )
     _name_figures(resolved)
     _check_benchmark(resolved)
+    _check_variants(resolved)
     return resolved
 
 
@@ -393,6 +395,29 @@ def _check_benchmark(config: dict[str, Any]) -> None:
             most,
             f"it must be below the {particles} particles of {step_scene}",
         )
+
+
+def _check_variants(config: dict[str, Any]) -> None:
+    """Check runs of full SPH that differ from a scene in a key or two."""
+    for name, runs in config["studies"]["variants"]["runs"].items():
+        key = "studies.variants.runs"
+        if name not in config["scenes"]:
+            known = ", ".join(config["scenes"])
+            raise refusal(None, key, name, f"no such scene; allowed are {known}")
+        for variant, changes in runs.items():
+            for change, value in changes.items():
+                if change not in CHANGES:
+                    allowed = f"unknown here; allowed are {', '.join(CHANGES)}"
+                    raise refusal(None, f"{key}.{name}.{variant}.{change}", value, allowed)
+            settings = {**config["scenes"][name], **changes}
+            if settings["particle_count"] != int(settings["particle_count"]):
+                whole = "it must be a whole number"
+                raise refusal(None, f"{key}.{name}.{variant}.particle_count", changes, whole)
+            settings["particle_count"] = int(settings["particle_count"])
+            try:
+                checks.check(scenes.Scene.from_settings(name, settings))
+            except ValueError as error:
+                raise ConfigError(f"{key}.{name}.{variant}: {error}") from error
 
 
 def distinct_names(parts: Sequence[Sequence[str]]) -> list[str]:

@@ -16,8 +16,10 @@ import numpy as np
 from sphpod.config.mode_counts import parse_modes
 from sphpod.config.reading import ConfigError
 from sphpod.numerics.error import FIELDS
+from sphpod.paper import statements  # noqa: F401  (registers its criteria)
 from sphpod.paper.criteria import CRITERIA, FILES
 from sphpod.studies.comparison import near_rounding
+from sphpod.studies.variants import OWN
 
 COLUMNS = (
     "id",
@@ -34,7 +36,7 @@ COLUMNS = (
     "near_rounding",
 )
 
-PLACE_KEYS = ("samplings", "studies")
+PLACE_KEYS = ("samplings", "studies", "places")
 """Where a criterion looks, if not at the scene and sampling of its claim."""
 
 
@@ -48,8 +50,9 @@ def resolve(config: Mapping[str, Any]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        Each claim of the configuration with ``criterion`` as a list, and ``places`` in each of its
-        entries: paths below the results by the names in `FILES`. Of plain JSON types.
+        Each claim of the configuration with ``criterion`` as a list, and ``files`` in each of its
+        entries: of each place, paths below the results by the names in `FILES`. All of plain JSON
+        types.
 
     Raises
     ------
@@ -65,8 +68,8 @@ def resolve(config: Mapping[str, Any]) -> list[dict[str, Any]]:
         for one in given if isinstance(given, list) else [given]:
             _check_keys(claim, one)
             _check_paper(claim, one)
-            places = [_files(config, claim, one, *place) for place in _places(claim, one)]
-            criteria.append({**one, "places": places})
+            looked_at = [_files(config, claim, one, *place) for place in _places(claim, one)]
+            criteria.append({**one, "files": looked_at})
         resolved.append({**claim, "criterion": criteria})
     return resolved
 
@@ -77,7 +80,7 @@ def inputs(claims: Sequence[Mapping[str, Any]]) -> list[str]:
         path
         for claim in claims
         for one in claim["criterion"]
-        for place in one["places"]
+        for place in one["files"]
         for path in place.values()
     )
     return list(dict.fromkeys(paths))
@@ -129,6 +132,10 @@ def _places(claim, one) -> Iterator[tuple[str | None, str | None]]:
         return
     if "studies" in one:
         yield from one["studies"].items()
+    elif "places" in one:
+        for place in one["places"]:
+            scene, _, sampling = place.partition("/")
+            yield scene, sampling or None
     else:
         for sampling in one.get("samplings", [claim.get("sampling")]):
             yield claim.get("scene"), sampling
@@ -147,10 +154,17 @@ def _files(config, claim, one, scene, sampling) -> dict[str, str]:
     demand("scene", scene, list(config["scenes"]), "scene")
     settings = config["scenes"][scene]
     where, mode_counts = f"of scene {scene}", ""
-    for reference in [*(["exact"] if "exact" in files else []), one.get("reference")]:
+    needed = [name for name in ("exact", "modified") if name in files]
+    for reference in [*needed, one.get("reference")]:
         if reference is not None:
             demand("reference", reference, settings["references"], f"reference {where}")
-    if set(files) - {"errors", "exact"}:
+    if "variants" in files:
+        runs = config["studies"]["variants"]["runs"]
+        demand("scene", scene, list(runs), "scene with variants")
+        for variant in one.get("variants", []):
+            known = [OWN, *(name for of_scene in runs.values() for name in of_scene)]
+            demand("criterion.variants", variant, known, "variant")
+    if set(files) - {"errors", "exact", "modified", "sph", "variants"}:
         demand("sampling", sampling, list(settings["samplings"]), f"sampling {where}")
         mode_counts = settings["samplings"][sampling]["mode_counts"]
     available = parse_modes(mode_counts) if "sweep" in files else []
@@ -164,7 +178,7 @@ def _files(config, claim, one, scene, sampling) -> dict[str, str]:
     for key in ("mode_counts", "after", "begin") if available else ():
         for count in one.get(key, []) if key == "mode_counts" else [one.get(key, available[0])]:
             demand(key, count, available, f"mode count of {sampling} {where}")
-    if "field" in one and "pod" in files:
+    if "pod" in files:
         _check_mode_number(claim, one, settings, sampling)
     return {
         name: FILES[name].format(scene=scene, sampling=sampling, mode_counts=mode_counts)
@@ -175,12 +189,16 @@ def _files(config, claim, one, scene, sampling) -> dict[str, str]:
 def _check_mode_number(claim, one, settings, sampling) -> None:
     """Refuse a criterion on more modes of a field than its snapshots give."""
     times = settings["samplings"][sampling]
+    fields = [one["field"]] if "field" in one else FIELDS
     if "counts" in times:
-        there = times["counts"][FIELDS.index(one["field"])]
+        counts = [times["counts"][FIELDS.index(field)] for field in fields]
+    elif "count" in times:
+        counts = [times["count"]]
     else:
-        there = times["count"] if "count" in times else len(times[f"{one['field']}_times"])
-    there = min(there, settings["particle_count"])
+        counts = [len(times[f"{field}_times"]) for field in fields]
+    there = min(*counts, settings["particle_count"])
     needed = {
+        "harmonics": one.get("harmonics", 0),
         "modes": one.get("modes", 0),
         "among": one.get("among", 0) + 1,
         "after": one.get("after", 0) + 1,
@@ -203,7 +221,8 @@ def statement(claim: Mapping[str, Any]) -> str:
     def worded(one):
         values = {"tolerance": 0, **claim, **one}
         text = CRITERIA[one["kind"]].text.format(**{k: shown(v) for k, v in values.items()})
-        names = one.get("samplings") or [" ".join(pair) for pair in one.get("studies", {}).items()]
+        names = one.get("samplings") or one.get("places")
+        names = names or [" ".join(pair) for pair in one.get("studies", {}).items()]
         return f"{text} ({', '.join(names)})" if names else text
 
     return "; ".join(map(worded, claim["criterion"]))
@@ -232,8 +251,8 @@ def table(
         findings = []
         unresolved: dict[str, None] = {}
         for one in claim["criterion"]:
-            places = [{name: read(path) for name, path in p.items()} for p in one["places"]]
-            other = ("kind", "places", *PLACE_KEYS)
+            places = [{name: read(path) for name, path in p.items()} for p in one["files"]]
+            other = ("kind", "files", *PLACE_KEYS)
             thresholds = {key: value for key, value in one.items() if key not in other}
             findings.append(CRITERIA[one["kind"]].decide(places, claim, **thresholds))
             models = (data for place in places for data in place.values())
@@ -254,11 +273,17 @@ def table(
                 "reproduced": reproduced,
                 "relative_difference": None if math.isnan(difference) else difference,
                 "tolerance": claim.get("tolerance"),
-                "verdict": "reproduced" if holds else "deviates",
+                "verdict": _verdict(claim, holds),
                 "near_rounding": "; ".join(unresolved),
             }
         )
     return rows
+
+
+def _verdict(claim: Mapping[str, Any], holds: bool) -> str:
+    """In a word; what is reproduced by another convention than the paper's names its erratum."""
+    erratum = f" with erratum {claim['erratum']}" if "erratum" in claim else ""
+    return f"reproduced{erratum}" if holds else "deviates"
 
 
 def _cell(value: Any) -> Any:
@@ -276,7 +301,8 @@ def markdown(rows: Sequence[Mapping[str, Any]]) -> str:
     for row in rows:
         where = ", ".join(row[key] for key in ("scene", "sampling") if row[key])
         claim = f"{row['claim']} ({where})" if where else row["claim"]
-        verdict = row["verdict"] if row["verdict"] == "reproduced" else f"**{row['verdict']}**"
+        verdict = row["verdict"]
+        verdict = f"**{verdict}**" if verdict == "deviates" else verdict
         cells = (row["id"], claim, row["criterion"], row["paper"], row["reproduced"], verdict)
         lines.append(f"| {' | '.join(map(shown, cells))} |")
     return "\n".join(lines) + "\n"

@@ -485,13 +485,20 @@ def model(
     return ReducedModel(scene, method, velocity_modes[:count], density_modes[:count])
 
 
+NEAREST_CACHE = 32768
+"""Bytes that are read about as fast as they are computed with."""
+
+
 def tensor_is_cheaper(kv: int, kr: int, particle_count: int, n_freeze: int) -> bool:
-    """Whether frozen coefficients take fewer operations a step without the particles.
+    """Whether frozen coefficients take less time a step without the particles, by operations.
 
     With the tensor a step costs kv kρ, and a refresh kv kρ for each of the kρ(kρ+1)/2 products of
-    density coordinates; on the particles a step costs N (kv + kρ), and a refresh N kρ.
+    density coordinates, or twice as much if the nearest cache does not hold the tensor; on the
+    particles a step costs N (kv + kρ), and a refresh N kρ.
     """
-    with_tensor = kv * kr + kv * kr * kr * (kr + 1) / 2 / n_freeze
+    refresh = kv * kr * kr * (kr + 1) / 2
+    far = 2 if 8 * refresh > NEAREST_CACHE else 1
+    with_tensor = kv * kr + far * refresh / n_freeze
     on_particles = particle_count * (kv + kr) + particle_count * kr / n_freeze
     return with_tensor < on_particles
 

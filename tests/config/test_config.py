@@ -715,6 +715,26 @@ def test_sizes_of_the_benchmark_by_default(load):
     assert given == benchmark | {"particle_counts": [13, 100]}
 
 
+# -------------------------------------------------------------------------------- variants
+
+
+@pytest.mark.parametrize(
+    ("runs", "answer"),
+    [
+        ({"waves": {}}, "studies.variants.runs = waves: no such scene; allowed are wave"),
+        ({"wave": {"one": {"particle_count": 20.5}}}, "it must be a whole number"),
+        ({"wave": {"one": {"particle_count": 4}}}, "runs.wave.one: scene wave: particle_count = 4"),
+        ({"wave": {"one": {"time_step": 3e-4}}}, "runs.wave.one: scene wave: duration = 1"),
+        ({"wave": {"one": {"damping": 1}}}, "studies.variants.runs.wave.one.damping"),
+    ],
+)
+def test_variants_that_cannot_run_are_refused(load, runs, answer):
+    with pytest.raises(config.ConfigError) as caught:
+        load({"scenes": {"wave": WAVE}, "studies": {"variants": {"runs": runs}}})
+    assert answer in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
 # -------------------------------------------------------------------------- borrowed modes
 
 
