@@ -24,7 +24,7 @@ from sphpod.config.configuration import (
     study_sections,
 )
 from sphpod.config.fields import SETTINGS, Name
-from sphpod.config.mode_counts import check_count, usual_sweep
+from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usual_sweep
 from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
 from sphpod.config.scene_section import (
     FIGURES,
@@ -102,6 +102,7 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     _name_figures(resolved)
     _check_benchmark(resolved)
     _check_variants(resolved)
+    _check_pairs(resolved)
     return resolved
 
 
@@ -130,8 +131,22 @@ def check_modes(
     settings = config["scenes"][scene]
     if sampling not in settings["samplings"]:
         raise refusal(scene, "sampling", sampling, known_names("sampling", settings["samplings"]))
+    if pair := parse_pair(modes):
+        _check_pair(scene, sampling, settings, modes, pair, method)
+        return
     split = method.startswith("lifted") and scenes.Scene.from_settings(scene, settings).translates
     check_count(scene, sampling, settings, "modes", modes, int(split))
+
+
+def _check_pair(scene, sampling, settings, modes, pair, method) -> None:
+    """Check numbers of modes that differ between velocity and density."""
+    if method.startswith("lifted"):
+        alike = "lifted models have one number of modes, as stress does work on velocity"
+        raise refusal(scene, "modes", modes, alike)
+    for field, count, limit in zip(FIELDS, pair, field_limits(settings, sampling), strict=True):
+        if count > limit:
+            allowed = f"sampling {sampling} gives {limit} {field} modes"
+            raise refusal(scene, "modes", modes, f"more {field} modes than there are; {allowed}")
 
 
 def check_sampling(scene: scenes.Scene, name: str, sampling: Mapping[str, Any]) -> dict[str, Any]:
@@ -395,6 +410,18 @@ def _check_benchmark(config: dict[str, Any]) -> None:
             most,
             f"it must be below the {particles} particles of {step_scene}",
         )
+
+
+def _check_pairs(config: dict[str, Any]) -> None:
+    """Check samplings of which both mode counts are varied."""
+    for name, samplings in config["studies"]["mode_pairs"]["samplings"].items():
+        key = "studies.mode_pairs.samplings"
+        if name not in config["scenes"]:
+            known = ", ".join(config["scenes"])
+            raise refusal(None, key, name, f"no such scene; allowed are {known}")
+        for sampling in samplings:
+            if sampling not in (known := config["scenes"][name]["samplings"]):
+                raise refusal(None, f"{key}.{name}", sampling, known_names("sampling", known))
 
 
 def _check_variants(config: dict[str, Any]) -> None:

@@ -26,6 +26,12 @@ def parse_modes(text: str) -> list[int]:
     raise ValueError(f"{text!r} is neither a mode count from 1 on, nor a rising range such as 1-20")
 
 
+def parse_pair(text: str) -> list[int] | None:
+    """Numbers of velocity and of density modes of a text such as ``3+8``; None if it is no pair."""
+    match = re.fullmatch(r"([1-9]\d{0,4})\+([1-9]\d{0,4})", text)
+    return [int(match[1]), int(match[2])] if match else None
+
+
 def parse_tolerance(text: str) -> float:
     """Relative tolerance of a text such as ``1e-2`` or ``0.05``.
 
@@ -39,17 +45,22 @@ def parse_tolerance(text: str) -> float:
     raise ValueError("it must be a number above 0 and below 1, such as 1e-2 or 0.05")
 
 
-def mode_limit(scene: Mapping[str, Any], sampling: str) -> int:
-    """The most modes that a sampling gives: the size of the larger of its two snapshot sets, but
-    no more than there are particles."""
+def field_limits(scene: Mapping[str, Any], sampling: str) -> list[int]:
+    """The most modes that a sampling gives for velocity and for density: as many as there are
+    snapshots, but no more than there are particles."""
     times = scene["samplings"][sampling]
     if "counts" in times:
-        larger = max(times["counts"])
+        counts = times["counts"]
     elif "count" in times:
-        larger = times["count"]
+        counts = [times["count"]] * 2
     else:
-        larger = max(len(times["velocity_times"]), len(times["density_times"]))
-    return min(larger, scene["particle_count"])
+        counts = [len(times["velocity_times"]), len(times["density_times"])]
+    return [min(count, scene["particle_count"]) for count in counts]
+
+
+def mode_limit(scene: Mapping[str, Any], sampling: str) -> int:
+    """The most modes that a sampling gives for either field."""
+    return max(field_limits(scene, sampling))
 
 
 def usual_sweep(scene: Mapping[str, Any], sampling: str) -> str:

@@ -127,6 +127,7 @@ def _fields() -> dict[str, Variable]:
             f"{field}_observed_order": Variable(
                 (), "1", f"order by which the error of the {meaning} falls from grid to grid"
             ),
+            f"{field}_mode_count": Variable((), "1", f"modes kept for {field} alone", np.int32),
             f"{field}_error_sph": Variable(
                 ("mode_count",), "1", f"{error} of the reduced model against full SPH"
             ),

@@ -18,7 +18,7 @@ Long, as the kernels of all forms of the model stand beside each other.
 
 import logging
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, islice
 
@@ -308,6 +308,7 @@ def sweep(
     modes: Mapping[str, np.ndarray],
     sph: Mapping[str, np.ndarray],
     reference: Mapping[str, np.ndarray],
+    level: int | None = None,
 ) -> dict[str, np.ndarray]:
     """Errors of a reduced model for several mode counts; its coordinates, if it is only one.
 
@@ -321,6 +322,8 @@ def sweep(
         velocity_modes, density_modes (one a row), velocity_span_rounding, density_span_rounding.
     sph, reference : dict
         velocity and density (times, N).
+    level : int, optional
+        At which too few modes are reported; that of `sweep.report_level` if it is not given.
 
     Returns
     -------
@@ -357,10 +360,47 @@ def sweep(
             **models[0].system(),
         }
 
-    models = [model(scene, method, modes, count, report_level(counts)) for count in counts]
+    level = report_level(counts) if level is None else level
+    models = [model(scene, method, modes, count, level) for count in counts]
     found = (broken or reduced for *reduced, broken in solve_each(models, scene.error_steps))
     arrays = repeat(counts, found, measure, failed(FIELDS, *solutions), kept)
     return arrays | {"modes_resolved": modes_resolved(modes, counts)}
+
+
+def pair(
+    scene: Scene,
+    method: str,
+    mode_counts: Sequence[int],
+    modes: Mapping[str, np.ndarray],
+    sph: Mapping[str, np.ndarray],
+    reference: Mapping[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Errors and coordinates of a reduced model with other numbers of modes for v than for ρ.
+
+    Parameters are those of `sweep`, with the number of velocity modes and that of density modes.
+
+    Returns
+    -------
+    dict
+        As from `sweep` for a single count, the larger of the two; velocity_mode_count and
+        density_mode_count.
+
+    Raises
+    ------
+    Breakdown
+        The model broke down.
+    """
+    few = {
+        f"{field}_{name}": modes[f"{field}_{name}"][:count]
+        for field, count in zip(FIELDS, mode_counts, strict=True)
+        for name in ("modes", "span_rounding")
+    }
+    larger = [max(mode_counts)]
+    found = sweep(scene, method, larger, few, sph, reference, level=logging.DEBUG)
+    return found | {
+        f"{field}_mode_count": np.array(count)
+        for field, count in zip(FIELDS, mode_counts, strict=True)
+    }
 
 
 def solve_each(models: Iterable[ReducedModel], steps: np.ndarray) -> Iterator[Solution]:

@@ -771,7 +771,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
             ["--", "small/figures/waves_profile.svg"],
             "figure = waves_profile.svg: did you mean waves_profile.pdf?",
         ),
-        (["--", "stabilty"], "target = stabilty: did you mean stability?"),
+        (["--", "liftd"], "target = liftd: did you mean lifted?"),
     ],
     ids=lambda value: value[-1] if isinstance(value, list) else "",
 )

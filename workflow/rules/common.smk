@@ -23,7 +23,7 @@ from sphpod.config.config import (
     distinct_names,
     load,
 )
-from sphpod.config.mode_counts import parse_modes, parse_tolerance, usual_sweep
+from sphpod.config.mode_counts import parse_modes, parse_pair, parse_tolerance, usual_sweep
 from sphpod.config.reading import typed
 from sphpod.scene.kernel import derivative_coefficient
 from sphpod.scene.scene import PHYSICS_KEYS, Scene

@@ -73,10 +73,14 @@ use rule reference as reduced_model with:
         method=f"(?!({'|'.join([*LIFTED_METHODS, *STUDIES_OF_MODES])})/)[^/]+",
     params:
         **computed(
-            "reduced.rom.sweep",
+            lambda wildcards: (
+                "reduced.rom.pair" if parse_pair(wildcards.modes) else "reduced.rom.sweep"
+            ),
             of_sampling=True,
             method=lambda wildcards: wildcards.method,
-            mode_counts=lambda wildcards: parse_modes(wildcards.modes),
+            mode_counts=lambda wildcards: (
+                parse_pair(wildcards.modes) or parse_modes(wildcards.modes)
+            ),
         ),
     message:
         "{wildcards.scene}: {wildcards.method} reduced model with {wildcards.modes} modes of {wildcards.sampling}"

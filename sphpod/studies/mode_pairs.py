@@ -1,0 +1,162 @@
+"""Errors of the original reduced model over both mode counts, that of velocity and of density."""
+
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from sphpod.numerics.error import FIELDS, project_solution
+from sphpod.pipeline.dataset import Variable
+from sphpod.reduced.rom import ReducedModel, solve_each
+from sphpod.scene.scene import Scene
+from sphpod.studies.study import Dataset, Drawing, Setting, Study
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Arrays = Mapping[str, np.ndarray]
+
+
+def measure(
+    scene: Scene, largest: int, modes: Arrays, sph: Arrays, errors: Arrays
+) -> dict[str, np.ndarray]:
+    """POD error over SPH error of the original model for every pair of mode counts.
+
+    Parameters
+    ----------
+    scene : Scene
+    largest : int
+        Largest number of modes of either field, or all there are.
+    modes : dict
+        velocity_modes, density_modes (one a row).
+    sph : dict
+        velocity, density (times, N).
+    errors : dict
+        velocity_error, density_error (solution, reference); those of full SPH against the first
+        reference are the first.
+
+    Returns
+    -------
+    dict
+        velocity_modes_kept (kv,), density_modes_kept (kρ,); pair_velocity_ratio and
+        pair_density_ratio (kv, kρ), infinite where the model broke down.
+    """
+    rows = [modes[f"{field}_modes"][:largest] for field in FIELDS]
+    projected = project_solution(sph, modes, largest)
+    scales = [float(errors[f"{field}_error"][0, 0]) or np.nan for field in FIELDS]
+    ratios = np.full((2, len(rows[0]), len(rows[1])), np.inf)
+    for kv in range(1, len(rows[0]) + 1):
+        models = [
+            ReducedModel(scene, "original", rows[0][:kv], rows[1][:kr])
+            for kr in range(1, len(rows[1]) + 1)
+        ]
+        for column, (*reduced, broken) in enumerate(solve_each(models, scene.error_steps)):
+            if not broken:
+                ratios[:, kv - 1, column] = [
+                    projected[field].relative_error(coordinates) / scale
+                    for field, coordinates, scale in zip(FIELDS, reduced, scales, strict=True)
+                ]
+    return {
+        "velocity_modes_kept": np.arange(1, len(rows[0]) + 1),
+        "density_modes_kept": np.arange(1, len(rows[1]) + 1),
+    } | {f"pair_{field}_ratio": ratios[n] for n, field in enumerate(FIELDS)}
+
+
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
+    """Rows of a table: for each number of velocity modes the fewest density modes that do.
+
+    Parameters
+    ----------
+    place : dict
+        scene and sampling.
+    arrays : dict
+        As from `measure`.
+    """
+    works = (arrays["pair_velocity_ratio"] < 1) & (arrays["pair_density_ratio"] < 1)
+    for kv, enough in zip(arrays["velocity_modes_kept"], works, strict=True):
+        fewest = int(arrays["density_modes_kept"][enough][0]) if enough.any() else None
+        yield {**place, "velocity_modes": int(kv), "fewest_density_modes": fewest}
+
+
+def draw(pairs: Arrays) -> "Figure":
+    """Draw the larger of both ratios over both mode counts, velocity up and density to the right.
+
+    Parameters
+    ----------
+    pairs : dict
+        As from `measure`.
+    """
+    import matplotlib.style
+    from matplotlib.colors import LogNorm
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MaxNLocator
+
+    from sphpod.figures.plotting import BLACK, GREY, HALF_WIDTH, STYLE
+
+    ratio = np.maximum(pairs["pair_velocity_ratio"], pairs["pair_density_ratio"])
+    with matplotlib.style.context(["default", STYLE]):
+        figure = Figure(figsize=(HALF_WIDTH, 2.6), layout="constrained")
+        axes = figure.subplots()
+        axes.set_facecolor(GREY)
+        sizes = ratio[np.isfinite(ratio) & (ratio > 0)]
+        span = min(max(1.01, sizes.max(initial=1), 1 / sizes.min(initial=1)), 1e4)
+        norm = LogNorm(1 / span, span)
+        edges = [
+            np.arange(pairs[f"{field}_modes_kept"].size + 1) + 0.5
+            for field in ("density", "velocity")
+        ]
+        shown = np.ma.masked_invalid(np.maximum(ratio, 1 / span))
+        mesh = axes.pcolormesh(*edges, shown, norm=norm, cmap="RdBu_r", rasterized=True)
+        for row, column in np.argwhere(ratio < 1):
+            axes.plot(edges[0][column] + 0.5, edges[1][row] + 0.5, ".", color=BLACK, markersize=2)
+        axes.set(xlabel="density modes kρ", ylabel="velocity modes kv")
+        for axis in (axes.xaxis, axes.yaxis):
+            axis.set_major_locator(MaxNLocator(6, integer=True, steps=(1, 2, 5, 10)))
+        bar = figure.colorbar(mesh, ax=axes, label="POD error / SPH error")
+        bar.outline.set_linewidth(0.6)
+        notes = "dots: below 1" + ("" if np.isfinite(ratio).all() else "; grey: broken down")
+        axes.set_title(f"larger of v and ρ; {notes}", loc="left")
+    return figure
+
+
+def places(config: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The samplings that are asked for."""
+    asked = config["studies"]["mode_pairs"]["samplings"]
+    return [(scene, sampling) for scene, names in asked.items() for sampling in names]
+
+
+STUDY = Study(
+    datasets={
+        "mode_pairs": Dataset(
+            compute="studies.mode_pairs.measure",
+            message="{scene}: errors over both mode counts, snapshots {sampling}",
+            of_sampling=True,
+            reads={"modes": "pod.nc", "sph": "../sph.nc", "errors": "../errors.nc"},
+            arguments={"largest": "studies.mode_pairs.largest"},
+            places=places,
+        )
+    },
+    tables={"mode_pairs": ("studies.mode_pairs.rows", "mode_pairs")},
+    drawing=Drawing(
+        draw="studies.mode_pairs.draw",
+        caption="Errors over both mode counts, original model: {scene}, snapshots {sampling}.",
+        reads={"pairs": ("mode_pairs",)},
+        places=places,
+    ),
+    settings={
+        "samplings": Setting(
+            dict[str, list[str]], {}, description="samplings of scenes, by name of the scene"
+        ),
+        "largest": Setting(int, 12, ge=1, le=100, description="largest mode count of either field"),
+    },
+    variables={
+        "velocity_modes_kept": Variable(("velocity_modes_kept",), "1", "velocity modes", np.int32),
+        "density_modes_kept": Variable(("density_modes_kept",), "1", "density modes", np.int32),
+        "pair_velocity_ratio": Variable(
+            ("velocity_modes_kept", "density_modes_kept"), "1", "POD over SPH error in velocity"
+        ),
+        "pair_density_ratio": Variable(
+            ("velocity_modes_kept", "density_modes_kept"), "1", "POD over SPH error in density"
+        ),
+    },
+)

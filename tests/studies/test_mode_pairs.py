@@ -1,0 +1,64 @@
+"""Errors over both mode counts."""
+
+import numpy as np
+import pytest
+from figure_checks import check_layout
+from scenes import scene
+
+from sphpod.full import sph
+from sphpod.numerics import error
+from sphpod.reduced import pod, rom, snapshots
+from sphpod.reference import exact
+from sphpod.studies import mode_pairs
+
+SAMPLING = {"range": [0, 1], "count": 9}
+
+
+@pytest.fixture(scope="module")
+def solved():
+    case = scene()
+    steps = snapshots.output_steps(case, [SAMPLING])
+    full = sph.solve(case, steps)
+    modes = pod.decompose(snapshots.extract(case, SAMPLING, full))
+    kept = np.isin(steps, case.error_steps)
+    full = {field: full[field][kept] for field in error.FIELDS}
+    known = exact.solve(case)
+    errors = {
+        f"{field}_error": np.array([[error.relative_error(full[field], known[field])]])
+        for field in error.FIELDS
+    }
+    return case, modes, full, known, errors
+
+
+def test_the_diagonal_is_the_sweep(solved):
+    case, modes, full, known, errors = solved
+    pairs = mode_pairs.measure(case, 5, modes, full, errors)
+    sweep = rom.sweep(case, "original", range(1, 6), modes, full, known)
+    for field in error.FIELDS:
+        expected = sweep[f"{field}_error_sph"] / errors[f"{field}_error"][0, 0]
+        np.testing.assert_allclose(np.diag(pairs[f"pair_{field}_ratio"]), expected, rtol=1e-6)
+    check_layout(mode_pairs.draw(pairs))
+
+
+def test_one_model_of_a_pair_is_that_of_the_map(solved):
+    case, modes, full, known, errors = solved
+    pairs = mode_pairs.measure(case, 5, modes, full, errors)
+    one = rom.pair(case, "original", [2, 4], modes, full, known)
+    assert (one["velocity_mode_count"], one["density_mode_count"]) == (2, 4)
+    assert one["velocity_coordinates"].shape[1] == 2
+    assert one["density_coordinates"].shape[1] == 4
+    for field in error.FIELDS:
+        ratio = one[f"{field}_error_sph"][0] / errors[f"{field}_error"][0, 0]
+        assert pairs[f"pair_{field}_ratio"][1, 3] == pytest.approx(ratio, rel=1e-6)
+
+
+def test_the_table_gives_the_fewest_density_modes_that_work():
+    arrays = {
+        "velocity_modes_kept": np.array([1, 2]),
+        "density_modes_kept": np.array([1, 2, 3]),
+        "pair_velocity_ratio": np.array([[2, 2, np.inf], [2, 0.5, 0.4]]),
+        "pair_density_ratio": np.array([[2, 0.5, np.inf], [0.5, 0.9, 0.4]]),
+    }
+    rows = list(mode_pairs.rows({"scene": "a", "sampling": "b"}, arrays))
+    assert [row["fewest_density_modes"] for row in rows] == [None, 2]
+    check_layout(mode_pairs.draw(arrays))
