@@ -4,7 +4,7 @@ BIN := .venv/bin
 LINT := .venv-lint/bin
 PEERS := .venv-peers/bin
 
-.PHONY: figures check peers test lint format reference pins clean
+.PHONY: figures check peers cluster test lint format reference pins clean
 
 # Every figure, error and claim of the paper; or of another configuration: make figures CONFIG=...
 CONFIG ?=
@@ -19,6 +19,10 @@ check: .venv/ready
 # Other tools on one of the scenes, in an environment of their own: results/peers.md
 peers: .venv-peers/ready
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PEERS)/python -m benchmarks.peers
+
+# What a SLURM cluster takes beside: docs/cluster.md
+cluster: .venv/ready
+	$(BIN)/pip install --quiet --disable-pip-version-check --requirement environment-cluster.txt
 
 test: .venv/ready
 	$(BIN)/python -m pytest
@@ -46,6 +50,7 @@ COMPILE = uv pip compile --python-version 3.11 --annotation-style line --quiet $
 pins:
 	echo "--editable .[tests]" | $(COMPILE) - --output-file environment.txt
 	$(COMPILE) --group lint --output-file environment-lint.txt
+	echo snakemake-executor-plugin-cluster-generic | $(COMPILE) --no-deps - --output-file environment-cluster.txt
 
 # Everything that the pipeline made; the environment stays
 clean:

@@ -33,7 +33,9 @@ onstart:
     # Snakemake limits itself to 100 new jobs a second, by a timer for every decision it makes; with
     # jobs as short as these the timers take 5 % of a rebuild. A higher max-jobs-per-timespan, the
     # documented key, sets as many timers.
-    workflow.scheduler.job_rate_limiter = None
+    # A cluster has limits of its own.
+    if workflow.local_exec:
+        workflow.scheduler.job_rate_limiter = None
 
 
 rule all:

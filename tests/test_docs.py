@@ -21,6 +21,7 @@ from sphpod.paper import claims
 from sphpod.pipeline.dataset import VARIABLES
 from sphpod.scene import kernel
 from sphpod.scene.scene import Scene
+from sphpod.studies.study import studies
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = {
@@ -371,6 +372,24 @@ def test_every_rule_is_named():
         ):
             made = rule != "all" and not rule.startswith("unknown_")
             assert not made or f"`{rule}`" in README, rule
+
+
+def test_every_rule_has_its_place_in_the_profile():
+    profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8"))
+    run = subprocess.run(
+        [sys.executable, "-m", "snakemake", "--list-rules"],
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    rules = {name for name in run.stdout.split() if not name.startswith("unknown_")}
+    local = {"all", "lifted", "benchmarks", "stability"}
+    placed = set(profile["groups"]) | set(profile["set-resources"])
+    assert rules - local == placed
+    timed = {name for name, given in profile["set-resources"].items() if "slurm_extra" in given}
+    alone = {
+        name for study in studies().values() for name, data in study.datasets.items() if data.alone
+    }
+    assert timed == alone
+    assert not timed & set(profile["groups"])
 
 
 def test_pictures_are_small_and_of_figures(paper):

@@ -12,6 +12,7 @@ import hashlib
 import json
 import logging
 import os
+import resource
 import sys
 from collections.abc import Iterable
 from pathlib import Path
@@ -67,6 +68,7 @@ def start(snakemake: Any) -> dict[str, Any]:
         },
     }
     atexit.register(_record_success, record)
+    atexit.register(_report_use)
     return record
 
 
@@ -78,6 +80,17 @@ def _record_success(record: dict[str, Any]) -> None:
     # Python keeps here the exception that nobody caught.
     if not hasattr(sys, "last_value"):
         _record(record)
+
+
+def _report_use() -> None:
+    """What the job took, by which resources of a cluster can be asked for."""
+    used = resource.getrusage(resource.RUSAGE_SELF)
+    unit = 1 if sys.platform == "darwin" else 1024
+    logging.getLogger(__name__).info(
+        "took %.1f s of CPU time and %d MB of memory",
+        used.ru_utime + used.ru_stime,
+        used.ru_maxrss * unit / 1e6,
+    )
 
 
 def given(path: str | os.PathLike[str]) -> dict[str, Any] | None:
@@ -100,7 +113,7 @@ def given_in_log(path: str | os.PathLike[str]) -> dict[str, Any] | None:
     None where the log does not hold it, or is another job's.
     """
     with open(path, encoding="utf-8", errors="replace") as file:
-        lines = [line.removeprefix(_LINE) for line in file if line.startswith(_LINE)]
+        lines = [line.removeprefix(_LINE) for line in file if line.startswith(_LINE + "{")]
     record = json.loads(lines[-1]) if lines else None
     return record if record and _is_one_of(path, record["log"]) else None
 

@@ -367,7 +367,7 @@ def sweep(
     return arrays | {"modes_resolved": modes_resolved(modes, counts)}
 
 
-def pair(
+def sweep_pair(
     scene: Scene,
     method: str,
     mode_counts: Sequence[int],

@@ -43,7 +43,7 @@ def test_the_diagonal_is_the_sweep(solved):
 def test_one_model_of_a_pair_is_that_of_the_map(solved):
     case, modes, full, known, errors = solved
     pairs = mode_pairs.measure(case, 5, modes, full, errors)
-    one = rom.pair(case, "original", [2, 4], modes, full, known)
+    one = rom.sweep_pair(case, "original", [2, 4], modes, full, known)
     assert (one["velocity_mode_count"], one["density_mode_count"]) == (2, 4)
     assert one["velocity_coordinates"].shape[1] == 2
     assert one["density_coordinates"].shape[1] == 4

@@ -218,8 +218,11 @@ def tables(target):
 
 
 def code(script):
-    """Digest of the code that a script uses, so that what other code has made is made anew."""
-    return provenance.digest(ROOT / "workflow/scripts" / script)
+    """Digest of the code that a script uses, so that what other code has made is made anew.
+
+    It is computed when a job asks for it: a Snakemake that runs one job of a cluster starts sooner.
+    """
+    return lambda wildcards: provenance.digest(ROOT / "workflow/scripts" / script)
 
 
 def setting_of(key):
@@ -444,17 +447,17 @@ def other_than(names):
 
 
 def unknown(wildcards, *parents):
-    """Input of a file that no rule makes: what is made in its place, or one folder below."""
+    """Input of a file that nothing makes, which says what is made in its place or one folder below."""
     *folders, file = wildcards
     if folders:
         known_scene(wildcards)
     if len(folders) > 1:
         known_sampling(wildcards)
-    names, below = files_made(*parents), "/".join(["results", *folders])
+    below = Path("results", *folders)
     deeper = ["{scene}", "{sampling}"][: len(parents) + 1]
     if len(deeper) > len(parents) and file in files_made(*deeper):
-        stop(f"file = {below}/{file}: there is one in each {below}/{deeper[-1]}")
-    return known(f"{below}: file", file, names)
+        stop(f"file = {below / file}: there is one in each {below / deeper[-1]}")
+    return known(f"{below}: file", file, files_made(*parents))
 
 
 def known_scene(wildcards):
@@ -483,7 +486,7 @@ def is_own(wildcards):
 def lenders(wildcards):
     """Samplings whose snapshots give the modes of another, by scene and name; none if its own do."""
     sampling = SCENES[wildcards.scene]["samplings"][wildcards.sampling]
-    return [source.split("/") for source in sampling.get("modes", {}).get("from", [])]
+    return [Path(source).parts for source in sampling.get("modes", {}).get("from", [])]
 
 
 def lending_scenes(wildcards):
@@ -502,7 +505,7 @@ def mode_inputs(wildcards):
 def snapshot_inputs(wildcards):
     known_sampling(wildcards)
     if lent := lenders(wildcards):
-        names = ", ".join(map("/".join, lent))
+        names = ", ".join(str(Path(*source)) for source in lent)
         stop(
             f"scene {wildcards.scene}: sampling = {wildcards.sampling}: it has no snapshots of its "
             f"own; its modes are of those of {names}"

@@ -74,7 +74,7 @@ use rule reference as reduced_model with:
     params:
         **computed(
             lambda wildcards: (
-                "reduced.rom.pair" if parse_pair(wildcards.modes) else "reduced.rom.sweep"
+                "reduced.rom.sweep_pair" if parse_pair(wildcards.modes) else "reduced.rom.sweep"
             ),
             of_sampling=True,
             method=lambda wildcards: wildcards.method,
