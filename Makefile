@@ -2,9 +2,10 @@
 PYTHON ?= python3
 BIN := .venv/bin
 LINT := .venv-lint/bin
+SITE := .venv-docs/bin
 PEERS := .venv-peers/bin
 
-.PHONY: figures check peers cluster test lint format reference pins clean
+.PHONY: figures check peers cluster docs pictures test lint format reference pins clean
 
 # Every figure, error and claim of the paper; or of another configuration: make figures CONFIG=...
 CONFIG ?=
@@ -23,6 +24,15 @@ peers: .venv-peers/ready
 # What a SLURM cluster takes beside: docs/cluster.md
 cluster: .venv/ready
 	$(BIN)/pip install --quiet --disable-pip-version-check --requirement environment-cluster.txt
+
+# The documents as a site: site/index.html; with the figures that have been built
+docs: .venv/ready .venv-docs/ready
+	PYTHONPATH=. $(SITE)/mkdocs build --strict
+
+# The pictures of the documents, from the figures of one build: make figures, then targets
+# benchmarks and stability
+pictures: .venv/ready
+	$(BIN)/python docs/images/reduce.py
 
 test: .venv/ready
 	$(BIN)/python -m pytest
@@ -50,6 +60,7 @@ COMPILE = uv pip compile --python-version 3.11 --annotation-style line --quiet $
 pins:
 	echo "--editable .[tests]" | $(COMPILE) - --output-file environment.txt
 	$(COMPILE) --group lint --output-file environment-lint.txt
+	echo "--editable ." | $(COMPILE) --group docs - --output-file environment-docs.txt
 	echo snakemake-executor-plugin-cluster-generic | $(COMPILE) --no-deps - --output-file environment-cluster.txt
 
 # Everything that the pipeline made; the environment stays
@@ -72,6 +83,14 @@ CHECK_PYTHON = $(PYTHON) -c 'import os, sys; sys.exit("Python 3.11 or newer is n
 	rm -rf .venv-lint
 	$(PYTHON) -m venv .venv-lint
 	$(LINT)/pip install --quiet --disable-pip-version-check --requirement environment-lint.txt
+	touch $@
+
+# That of the site, whose pages of functions and figures come from the package
+.venv-docs/ready: environment-docs.txt
+	@$(CHECK_PYTHON)
+	rm -rf .venv-docs
+	$(PYTHON) -m venv .venv-docs
+	$(SITE)/pip install --quiet --disable-pip-version-check --requirement environment-docs.txt
 	touch $@
 
 # That of the other tools; PySPH needs a compiler, and is left out where it cannot be built

@@ -9,6 +9,9 @@ snakemake --cores 2 stability                           where every method is st
 """
 
 
+report: "workflow/report/opening.rst"
+
+
 include: "workflow/rules/common.smk"
 include: "workflow/rules/solve.smk"
 include: "workflow/rules/reduce.smk"
@@ -38,20 +41,31 @@ onstart:
         workflow.scheduler.job_rate_limiter = None
 
 
+config["opening"] = summary.opening(OUTPUT / "results")
+
+
 rule all:
     default_target: True
     input:
         expand("<figures>/{name}.{form}", name=FIGURES, form=["pdf", "png"]),
         tables("all"),
-        expand("<results>/claims.{form}", form=["csv", "md"]) if CLAIMS else [],
-        expand("<results>/{table}.csv", table=["conventions", "reference_errors"])
+        expand("<results>/claims.{form}", form=["csv", "html", "md"]) if CLAIMS else [],
+        expand(
+            "<results>/{table}.{form}",
+            table=["conventions", "reference_errors"],
+            form=["csv", "html"],
+        )
         if paper.applies(CONFIG)
         else [],
 
 
 rule lifted:
     input:
-        expand("<results>/{table}.csv", table=["thresholds", "effectivity", "certificates"]),
+        expand(
+            "<results>/{table}.{form}",
+            table=["thresholds", "effectivity", "certificates"],
+            form=["csv", "html"],
+        ),
 
 
 rule benchmarks:

@@ -1,5 +1,6 @@
 """The whole pipeline on config/small.yaml: complete, remade where it must be, safe when killed."""
 
+import csv
 import json
 import os
 import re
@@ -886,6 +887,41 @@ def test_the_report_shows_every_figure(built):
     for path in (built / "small" / "figures").glob("*.png"):
         assert path.name in report
     assert "Mass points and springs." in report
+    assert re.search(r"Of \d+ claims that are checked, \d+ are reproduced", report)
+
+
+def in_browser(path, width=1200):
+    """What a page is once its scripts have run, and what they complained of."""
+    browser = shutil.which("chromium") or shutil.which("chromium-browser")
+    if browser is None:
+        pytest.skip("there is no Chromium here: apt-get install chromium")
+    run = subprocess.run(
+        [browser, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr",
+         "--v=0", f"--window-size={width},900", "--virtual-time-budget=10000",
+         "--host-resolver-rules=MAP * ~NOTFOUND", "--dump-dom", path.as_uri()],
+        capture_output=True, text=True, timeout=120, check=True,
+    )  # fmt: skip
+    complaints = [line for line in run.stderr.splitlines() if "CONSOLE" in line]
+    return run.stdout, complaints
+
+
+def test_a_browser_opens_the_report_without_a_network(built):
+    run = snakemake(built, "--report", "report.html")
+    assert run.returncode == 0, run.stderr
+    page, complaints = in_browser(built / "report.html")
+    errors = [line for line in complaints if re.search("error|Uncaught", line, re.IGNORECASE)]
+    assert not errors
+    for words in ("Claims", "Paper 3.1", "claims that are checked"):
+        assert words in page
+
+
+def test_a_browser_shows_the_claims_as_a_table(built):
+    page, complaints = in_browser(built / "small/results/claims.html", width=400)
+    assert not complaints
+    with open(built / "small/results/claims.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert page.count("<tr") == len(rows) + 1
+    assert all(f"<td>{row['id']}</td>" in page for row in rows)
 
 
 def test_lint_asks_only_for_containers(built):

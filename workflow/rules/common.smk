@@ -13,7 +13,7 @@ import numpy as np
 
 from snakemake.io import strip_wildcard_constraints
 
-from sphpod.paper import claims, paper
+from sphpod.paper import claims, paper, summary
 from sphpod.reference import exact
 from sphpod.pipeline import provenance
 from sphpod.reduced import snapshots
@@ -204,12 +204,17 @@ TABLES = {
 }
 
 
+# Tables that are pages of the report too.
+PAGES = [*TABLES, "claims", "conventions", "reference_errors", "thresholds"]
+
+
 def tables(target):
     """Tables of the studies of a target."""
     return [
-        f"<results>/{table}.csv"
+        f"<results>/{table}.{form}"
         for study in STUDIES.values()
         for table in study.tables
+        for form in ("csv", "html")
         if study.target == target and TABLES[table][1]
     ]
 
@@ -436,8 +441,11 @@ def files_made(*folders):
     made = [
         Path(strip_wildcard_constraints(file)) for each in workflow.rules for file in each.output
     ]
-    names = {path.name for path in made if path.parent == parent} - {"{table}.csv", "{file}"}
-    return sorted(names if folders else names | {f"{table}.csv" for table in TABLES})
+    names = {path.name for path in made if path.parent == parent} - {"{file}"}
+    for name, tables in (("{table}.csv", TABLES), ("{table}.html", PAGES)):
+        if name in names:
+            names = names - {name} | {name.format(table=table) for table in tables}
+    return sorted(names)
 
 
 def other_than(names):
@@ -613,10 +621,41 @@ def drawing_function(wildcards):
 
 
 def figure_category(wildcards):
+    """Part of the report: in the paper's order as these names sort, its appendices after sections."""
     section = ALL_FIGURES[wildcards.name]["section"]
-    shown = f"Section {section}" if section[:1].isdigit() else section
+    shown = {"benchmarks": "Run time", "stability": "Stability", "": "Scenes"}.get(section, section)
+    if section[:1].isdigit():
+        shown = f"Paper {section}"
+    elif re.fullmatch(r"[A-Z](\.\d+)*", section):
+        shown = f"Paper, appendix {section}"
     # Snakemake would take {x} for a wildcard; a space of no width behind the bracket stops it.
     return shown.replace("{", "{\u200b")
+
+
+def figure_labels(wildcards):
+    """What tells a figure from the others of its part of the report."""
+    figure = ALL_FIGURES[wildcards.name]
+    kind = figure.get("kind") or figure["study"]
+    return {
+        "figure": wildcards.name.partition("_")[0] if wildcards.name in FIGURES else wildcards.name,
+        "scene": figure.get("scene", ""),
+        "sampling": figure.get("sampling", ""),
+        "kind": kind.replace("_", " "),
+    }
+
+
+def page_category(wildcards):
+    """Claims come first, and tables of studies beside their figures."""
+    if wildcards.table in ("claims", "conventions", "reference_errors"):
+        return "Claims"
+    timed = {
+        "benchmark",
+        "skipping",
+        "cpu_time",
+        "step_time",
+        *("thresholds", "effectivity", "certificates"),
+    }
+    return "Run time" if wildcards.table in timed else "Stability"
 
 
 def figure_caption(wildcards):

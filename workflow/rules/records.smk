@@ -66,7 +66,13 @@ def hand_over_tables_and_figures(store):
         for log in folder.glob("*.log"):
             if given := job.given_in_log(log):
                 made |= {root / name: (given, root) for name in given["output"]}
-    for folder, form in ((results, "csv"), (results, "md"), (figures, "pdf"), (figures, "png")):
+    for folder, form in (
+        (results, "csv"),
+        (results, "html"),
+        (results, "md"),
+        (figures, "pdf"),
+        (figures, "png"),
+    ):
         for path in folder.glob(f"[!.]*.{form}"):
             known, is_unchanged = known_record(store, path)
             if not is_unchanged:

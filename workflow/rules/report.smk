@@ -10,6 +10,7 @@ rule figure:
             "<figures>/{name}.png",
             caption="../report/figure.rst",
             category=figure_category,
+            labels=figure_labels,
         ),
     log:
         "<logs>/figures/{name}.log",
@@ -22,6 +23,23 @@ rule figure:
         "Figure {wildcards.name}"
     script:
         "../scripts/figure.py"
+
+
+rule page:
+    input:
+        "<results>/{table}.csv",
+    output:
+        report("<results>/{table}.html", category=page_category, labels={"table": "{table}"}),
+    log:
+        "<logs>/{table}_page.log",
+    wildcard_constraints:
+        table="|".join(PAGES),
+    params:
+        code=code("page.py"),
+    message:
+        "Table {wildcards.table} as a page"
+    script:
+        "../scripts/page.py"
 
 
 rule thresholds:

@@ -1,0 +1,65 @@
+"""What came out, in a few sentences: the beginning of a report."""
+
+import csv
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+
+def opening(results: Path) -> str:
+    """Sentences on the results that there are, of claims, errors and run time; plain text.
+
+    Parameters
+    ----------
+    results : path
+        Folder of the results.
+    """
+    parts = [_of_claims(_rows(results / "claims.csv")), _of_times(_rows(results / "benchmark.csv"))]
+    return " ".join(part for part in parts if part) or "No claims have been decided yet."
+
+
+def _rows(path):
+    if not path.is_file():
+        return []
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def _of_claims(rows):
+    if not rows:
+        return ""
+    words = Counter(row["verdict"].partition(" with")[0] for row in rows)
+    with_erratum = sum("erratum" in row["verdict"] for row in rows)
+    printed = [row for row in rows if row["criterion"].startswith("relative L2 error")]
+    parts = [
+        f"Of {len(rows)} claims that are checked, {words['reproduced']} are reproduced, "
+        f"{with_erratum} of these with an erratum, and {words['deviates']} deviate."
+    ]
+    if printed:
+        worst = max(abs(float(row["relative_difference"])) for row in printed)
+        parts.append(
+            f"The {len(printed)} errors of full SPH that are printed come out within "
+            f"{worst:.1e} of themselves."
+        )
+    return " ".join(parts)
+
+
+def _of_times(rows):
+    if not rows:
+        return ""
+    name = "speedup_against_fastest_full_model"
+    fastest: dict[str, dict[str, str]] = {}
+    for row in rows:
+        good = float(row["error_velocity"]) < 0.1 and int(row["modes"]) > 0
+        place = row["scene"]
+        if good and float(row[name]) > float(fastest.get(place, {name: "-inf"})[name]):
+            fastest[place] = row
+    if not fastest:
+        return ""
+    gains = np.array([float(row[name]) for row in fastest.values()])
+    return (
+        f"The fastest reduced models within a tenth of full SPH take 1/{gains.min():.3g} to "
+        f"1/{gains.max():.3g} of the time of the fastest full model of the same accuracy, on "
+        f"{rows[0]['machine']}."
+    )
