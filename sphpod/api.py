@@ -18,7 +18,7 @@ from sphpod.full import lifted, sph
 from sphpod.labelled import Data, arrays_of, labelled
 from sphpod.numerics import error
 from sphpod.reduced import certificate, error_bound, lifted_rom, pod, rom, rounding, snapshots
-from sphpod.reference import exact, reference
+from sphpod.reference import chain, exact, reference
 from sphpod.scene import resolution, waves
 from sphpod.scene.scene import Scene
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 REFERENCES = {
     "fd": reference.solve_paper,
     "centred": reference.solve_centred,
+    "chain": chain.solve,
     "exact": exact.solve,
     "modified": exact.solve_modified,
 }
@@ -100,7 +101,7 @@ def solve_reference(scene: Scene, kind: str) -> "xarray.Dataset":
     Parameters
     ----------
     scene : Scene
-    kind : {"fd", "centred", "exact", "modified"}
+    kind : {"fd", "centred", "chain", "exact", "modified"}
         The paper's finite differences; centred ones, with an estimate of their error; an exact
         solution; or that of the equations that SPH is consistent with.
 

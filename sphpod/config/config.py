@@ -230,12 +230,13 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
 
 def _references(name: str, settings: dict[str, Any], physics: scenes.Scene) -> list[str]:
     asked = settings.get("references")
-    if asked is not None and not {"exact", "modified"} & set(asked):
+    if asked is not None and not {"chain", "exact", "modified"} & set(asked):
         return asked
     kind = exact.kind(physics)
     if asked is None:
         return ["centred" if kind is None else "exact"]
     possible = ["fd", "centred"]
+    possible += ["chain"] if physics.is_even else []
     possible += ["exact"] if kind else []
     possible += ["modified"] if kind == "dalembert" else []
     for reference in asked:

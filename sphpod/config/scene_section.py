@@ -46,6 +46,8 @@ class Positions(Section):
     seed: int = left_out(ge=0, le=LARGEST_SEED, description="seed of the random shifts, default 0")
 
 
+ReferenceKind = Literal["fd", "centred", "chain", "exact", "modified"]
+
 Time = Annotated[float, Field(ge=0, description="time [s]")]
 Times = Annotated[
     list[Time],
@@ -298,12 +300,13 @@ class Scene(Section):
         description="distance of the times over which errors are summed [s], a whole number of "
         "time steps, default T/10000",
     )
-    references: Annotated[list[Literal["fd", "centred", "exact", "modified"]], Unique()] = left_out(
+    references: Annotated[list[ReferenceKind], Unique()] = left_out(
         min_length=1,
         description="solutions that SPH is compared with, the first being the one errors are "
         "quoted against: exact, modified (exact, waves speeded up by beta), fd (staggered finite "
-        "differences compared as in the paper) and centred (the same with density brought back to "
-        "the particles); default exact where such a solution is known, otherwise centred",
+        "differences compared as in the paper), centred (the same with density brought back to "
+        "the particles) and chain (the masses and springs of section 2.1); default exact where "
+        "such a solution is known, otherwise centred",
     )
     samplings: dict[Name, AnySampling] = Field({}, description="when snapshots are taken, by name")
     acceleration: dict[str, Acceleration] = Field(

@@ -6,6 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
+GAIN = "speedup_against_fastest_full_model"
+
 
 def opening(results: Path) -> str:
     """Sentences on the results that there are, of claims, errors and run time; plain text.
@@ -15,15 +17,19 @@ def opening(results: Path) -> str:
     results : path
         Folder of the results.
     """
-    parts = [_of_claims(_rows(results / "claims.csv")), _of_times(_rows(results / "benchmark.csv"))]
+    claims = _rows(results / "claims.csv", "criterion", "relative_difference", "verdict")
+    timed = _rows(results / "benchmark.csv", "scene", "modes", "error_velocity", GAIN, "machine")
+    parts = [_of_claims(claims), _of_times(timed)]
     return " ".join(part for part in parts if part) or "No claims have been decided yet."
 
 
-def _rows(path):
+def _rows(path, *columns):
+    """Rows of a table; none if there is no such table, as a report is made of what there is."""
     if not path.is_file():
         return []
-    with open(path, encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
+    with open(path, encoding="utf-8", errors="replace", newline="") as file:
+        rows = list(csv.DictReader(file))
+    return [row for row in rows if all(row.get(column) is not None for column in columns)]
 
 
 def _of_claims(rows):
@@ -45,19 +51,24 @@ def _of_claims(rows):
     return " ".join(parts)
 
 
+def _number(text):
+    """A number of a table, NaN where it has none."""
+    return float(text) if text else np.nan
+
+
 def _of_times(rows):
     if not rows:
         return ""
-    name = "speedup_against_fastest_full_model"
+    name = GAIN
     fastest: dict[str, dict[str, str]] = {}
     for row in rows:
-        good = float(row["error_velocity"]) < 0.1 and int(row["modes"]) > 0
+        good = _number(row["error_velocity"]) < 0.1 and int(row["modes"]) > 0
         place = row["scene"]
-        if good and float(row[name]) > float(fastest.get(place, {name: "-inf"})[name]):
+        if good and _number(row[name]) > _number(fastest.get(place, {name: "-inf"})[name]):
             fastest[place] = row
     if not fastest:
         return ""
-    gains = np.array([float(row[name]) for row in fastest.values()])
+    gains = np.array([_number(row[name]) for row in fastest.values()])
     return (
         f"The fastest reduced models within a tenth of full SPH take 1/{gains.min():.3g} to "
         f"1/{gains.max():.3g} of the time of the fastest full model of the same accuracy, on "

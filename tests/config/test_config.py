@@ -314,7 +314,10 @@ REFUSALS = [
     ({"interface": "harmonic"}, ["interface = harmonic", "allowed are mean"]),
     ({"references": []}, ["references = []", "at least 1"]),
     ({"references": ["fd", "fd"]}, ["references = [fd, fd]", "twice"]),
-    ({"references": ["analytic"]}, ["references.0 = analytic", "fd, centred, exact, modified"]),
+    (
+        {"references": ["analytic"]},
+        ["references.0 = analytic", "fd, centred, chain, exact, modified"],
+    ),
     (
         {"acceleration.few": STUDY | {"n_freeze": [1e18]}},
         ["acceleration.few.n_freeze.0 = 1.0e+18", "at most 999999999999999"],

@@ -14,6 +14,8 @@ def write(path, rows):
 
 def test_an_opening_counts_the_verdicts_and_says_what_is_fastest(tmp_path):
     assert summary.opening(tmp_path) == "No claims have been decided yet."
+    (tmp_path / "claims.csv").write_text("something else\n1\n", encoding="utf-8")
+    assert summary.opening(tmp_path) == "No claims have been decided yet."
     text = "relative L2 error of full SPH in velocity"
     write(tmp_path / "claims.csv", [
         {"criterion": text, "relative_difference": "-2e-5", "verdict": "reproduced"},
@@ -28,6 +30,7 @@ def test_an_opening_counts_the_verdicts_and_says_what_is_fastest(tmp_path):
     row = {"scene": "a", "modes": "8", "error_velocity": "0.01", gain: "40", "machine": "one"}
     write(tmp_path / "benchmark.csv", [
         row, {**row, gain: "90", "error_velocity": "0.5"}, {**row, gain: "900", "modes": "0"},
+        {**row, gain: "800", "error_velocity": ""},
         {**row, "scene": "b", gain: "20"},
     ])  # fmt: skip
     assert "take 1/20 to 1/40 of the time" in summary.opening(tmp_path)

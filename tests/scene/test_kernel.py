@@ -25,6 +25,25 @@ def test_kernel_integrates_to_one(h):
     assert np.trapezoid(kernel(x, h), x) == pytest.approx(1, rel=1e-6)
 
 
+@pytest.mark.parametrize(("ratio", "off"), [(1.04, 0.012), (1.06, 0.016), (1.2, 0.05), (2, 1e-12)])
+def test_sums_of_the_kernel_are_about_one(ratio, off):
+    """Σ V_j W_ij of section 2.2 at even particles; one exactly where h is a whole number of Δx."""
+    assert abs(np.sum(kernel(np.arange(-9, 10.0), ratio)) - 1) < off
+
+
+def test_the_sum_over_particles_approximates_a_function_at_second_order():
+    """⟦f⟧ = Σ V_j f_j W_ij (2.8) for h = 2 Δx, with f = sin x: its error falls as h²."""
+    errors = []
+    for count in (40, 80, 160):
+        spacing = 2 * np.pi / count
+        x = np.arange(count) * spacing
+        away = (x[:, None] - x + np.pi) % (2 * np.pi) - np.pi
+        approximation = spacing * kernel(away, 2 * spacing) @ np.sin(x)
+        errors.append(np.abs(approximation - np.sin(x)).max())
+    orders = np.log2(np.array(errors[:-1]) / errors[1:])
+    np.testing.assert_allclose(orders, 2, atol=0.05)
+
+
 @given(st.floats(0.1, 10), st.floats(-3, 3))
 def test_gradient_is_the_kernels_derivative_and_odd(h, q):
     x, step = q * h, 1e-6 * h

@@ -320,6 +320,7 @@ def figure_options(wildcards):
 REFERENCES = {
     "fd": "reference.reference.solve_paper",
     "centred": "reference.reference.solve_centred",
+    "chain": "reference.chain.solve",
     "exact": "reference.exact.solve",
     "modified": "reference.exact.solve_modified",
 }
@@ -474,8 +475,9 @@ def known_scene(wildcards):
 
 def known_reference(wildcards):
     known_scene(wildcards)
-    exists = exact.kind(Scene.from_settings(wildcards.scene, physics(wildcards)))
-    kinds = ["fd", "centred", *(["exact"] if exists else [])]
+    scene = Scene.from_settings(wildcards.scene, physics(wildcards))
+    exists = exact.kind(scene)
+    kinds = ["fd", "centred", *["chain"] * scene.is_even, *(["exact"] if exists else [])]
     kinds += ["modified"] if exists == "dalembert" else []
     return known(f"scene {wildcards.scene}: reference", wildcards.kind, kinds)
 
