@@ -34,7 +34,11 @@ def gallery():
     figures = [(figure, "2.1") for figure in settings["illustrations"]]
     for scene in settings["scenes"].values():
         figures += [(figure, scene["section"]) for figure in scene["figures"]]
-    parts = ["# Gallery", "Figures of the paper, rebuilt from full SPH and its reduced models."]
+    parts = [
+        "# Gallery",
+        "Figures of the paper, rebuilt from full SPH and its reduced models.",
+        "![Motion of full SPH and of two reduced models](images/motion.gif)",
+    ]
     shown = set()
     for figure, section in figures:
         name = figure["name"]

@@ -14,3 +14,6 @@ if __name__ == "__main__":
             small = figure.convert("RGB").resize(size, Image.Resampling.LANCZOS)
         # This method keeps the ends of a colour bar, of which a picture has few pixels.
         small.quantize(256, Image.Quantize.MAXCOVERAGE).save(path, optimize=True)
+    # Of the target figures/ten_harmonics/uniform100/k12.gif.
+    moving = HERE.parents[1] / "figures/ten_harmonics/uniform100/k12.gif"
+    (HERE / "motion.gif").write_bytes(moving.read_bytes())

@@ -54,7 +54,8 @@ def start(snakemake: Any) -> dict[str, Any]:
 
     inputs = sorted(set(snakemake.input))
     for path in inputs:
-        given(path)
+        if path.endswith(".nc"):
+            given(path)
     record = {
         "rule": snakemake.rule,
         "input": relative(snakemake.input),

@@ -25,6 +25,26 @@ rule figure:
         "../scripts/figure.py"
 
 
+rule animation:
+    input:
+        sph="<results>/{scene}/sph.nc",
+        original="<results>/{scene}/{sampling}/original/k{modes}.nc",
+        lifted="<results>/{scene}/{sampling}/lifted_exact/k{modes}.nc",
+    output:
+        "<figures>/{scene}/{sampling}/k{modes}.gif",
+    log:
+        "<logs>/figures/{scene}_{sampling}_k{modes}.log",
+    wildcard_constraints:
+        modes=r"[1-9]\d*",
+    params:
+        seconds=lambda wildcards: SCENES[wildcards.scene]["duration"] / 2,
+        code=code("animation.py"),
+    message:
+        "{wildcards.scene}: motion with {wildcards.modes} modes of {wildcards.sampling}"
+    script:
+        "../scripts/animation.py"
+
+
 rule page:
     input:
         "<results>/{table}.csv",
