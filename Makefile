@@ -3,9 +3,10 @@ PYTHON ?= python3
 BIN := .venv/bin
 LINT := .venv-lint/bin
 SITE := .venv-docs/bin
+CRATE := .venv-deposit/bin
 PEERS := .venv-peers/bin
 
-.PHONY: figures check peers cluster docs pictures test lint format reference pins clean
+.PHONY: figures check peers cluster deposit docs pictures test lint format reference pins clean
 
 # Every figure, error and claim of the paper; or of another configuration: make figures CONFIG=...
 CONFIG ?=
@@ -24,6 +25,12 @@ peers: .venv-peers/ready
 # What a SLURM cluster takes beside: docs/cluster.md
 cluster: .venv/ready
 	$(BIN)/pip install --quiet --disable-pip-version-check --requirement environment-cluster.txt
+
+# A folder to deposit, with checksums and RO-Crate metadata, of all that has been built
+deposit: figures .venv-deposit/ready
+	$(BIN)/snakemake --report report.html
+	PYTHONPATH=. $(CRATE)/python -m sphpod.pipeline.deposit deposit
+	$(CRATE)/rocrate-validator -y validate --profile-identifier ro-crate-1.1 deposit
 
 # The documents as a site: site/index.html; with the figures that have been built
 docs: .venv/ready .venv-docs/ready
@@ -60,6 +67,7 @@ COMPILE = uv pip compile --python-version 3.11 --annotation-style line --quiet $
 pins:
 	echo "--editable .[tests]" | $(COMPILE) - --output-file environment.txt
 	$(COMPILE) --group lint --output-file environment-lint.txt
+	$(COMPILE) --group deposit --output-file environment-deposit.txt
 	echo "--editable ." | $(COMPILE) --group docs - --output-file environment-docs.txt
 	echo snakemake-executor-plugin-cluster-generic | $(COMPILE) --no-deps - --output-file environment-cluster.txt
 
@@ -83,6 +91,14 @@ CHECK_PYTHON = $(PYTHON) -c 'import os, sys; sys.exit("Python 3.11 or newer is n
 	rm -rf .venv-lint
 	$(PYTHON) -m venv .venv-lint
 	$(LINT)/pip install --quiet --disable-pip-version-check --requirement environment-lint.txt
+	touch $@
+
+# That of what describes a deposit
+.venv-deposit/ready: environment-deposit.txt
+	@$(CHECK_PYTHON)
+	rm -rf .venv-deposit
+	$(PYTHON) -m venv .venv-deposit
+	$(CRATE)/pip install --quiet --disable-pip-version-check --requirement environment-deposit.txt
 	touch $@
 
 # That of the site, whose pages of functions and figures come from the package

@@ -388,6 +388,7 @@ def test_what_is_declared_is_pinned():
         ("environment.txt", [project["project"]["dependencies"], *default]),
         ("environment-lint.txt", [groups_of["lint"]]),
         ("environment-docs.txt", [project["project"]["dependencies"], groups_of["docs"]]),
+        ("environment-deposit.txt", [groups_of["deposit"]]),
         ("environment-cluster.txt", [extras["cluster"]]),
     ):
         text = (ROOT / path).read_text(encoding="utf-8")
