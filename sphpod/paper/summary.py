@@ -40,7 +40,7 @@ def _of_claims(rows):
     printed = [row for row in rows if row["criterion"].startswith("relative L2 error")]
     parts = [
         f"Of {len(rows)} claims that are checked, {words['reproduced']} are reproduced, "
-        f"{with_erratum} of these with an erratum, and {words['deviates']} deviate."
+        f"{with_erratum} of these with an erratum; deviating: {words['deviates']}."
     ]
     if printed:
         worst = max(abs(float(row["relative_difference"])) for row in printed)

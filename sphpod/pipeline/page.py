@@ -14,9 +14,10 @@ input { font: inherit; padding: 0.2em 0.4em; width: 20em; max-width: 90%; }
 .wide { overflow-x: auto; margin-top: 0.8em; }
 table { border-collapse: collapse; }
 th, td { border-bottom: 1px solid #d9d9d9; padding: 0.25em 0.6em; text-align: left;
-  vertical-align: top; max-width: 28em; overflow-wrap: anywhere; }
-th { cursor: pointer; white-space: nowrap; background: #f2f2f2; }
-td.number { text-align: right; white-space: nowrap; font-variant-numeric: tabular-nums; }
+  vertical-align: top; white-space: nowrap; }
+td.long { white-space: normal; min-width: 14em; max-width: 28em; }
+th { cursor: pointer; background: #f2f2f2; }
+td.number { text-align: right; font-variant-numeric: tabular-nums; }
 tr.deviates { background: #fff3e6; }
 """
 
@@ -38,6 +39,10 @@ document.querySelector("input").addEventListener("input", (event) => {
   for (const row of body.rows) row.hidden = !row.textContent.toLowerCase().includes(asked);
 });
 """
+
+
+SHORT = 24
+"""Characters that a line of a cell may have before it is broken."""
 
 
 def of_table(title: str, rows: list[dict[str, str]]) -> str:
@@ -68,7 +73,8 @@ def _cell(text):
     try:
         value = float(text)
     except ValueError:
-        return f"<td>{html.escape(text)}</td>"
+        kind = ' class="long"' if len(text) > SHORT else ""
+        return f"<td{kind}>{html.escape(text)}</td>"
     return f'<td class="number" data-value="{html.escape(text)}">{value:.4g}</td>'
 
 
