@@ -6,7 +6,7 @@ SITE := .venv-docs/bin
 CRATE := .venv-deposit/bin
 PEERS := .venv-peers/bin
 
-.PHONY: figures check peers cluster deposit docs pictures test lint format reference pins clean
+.PHONY: figures check peers cluster deposit docs performance pictures test lint format reference pins clean
 
 # Every figure, error and claim of the paper; or of another configuration: make figures CONFIG=...
 CONFIG ?=
@@ -35,6 +35,10 @@ deposit: figures .venv-deposit/ready
 # The documents as a site: site/index.html; with the figures that have been built
 docs: .venv/ready .venv-docs/ready
 	PYTHONPATH=. $(SITE)/mkdocs build --strict
+
+# The tables of docs/performance.md, of the target benchmarks
+performance: .venv/ready
+	$(BIN)/python docs/performance.py
 
 # The pictures of the documents, from the figures of one build: make figures, then targets
 # benchmarks and stability
