@@ -52,7 +52,7 @@ rule all:
         expand("<results>/claims.{form}", form=["csv", "html", "md"]) if CLAIMS else [],
         expand(
             "<results>/{table}.{form}",
-            table=["conventions", "reference_errors"],
+            table=["conventions", "errata", "reference_errors"],
             form=["csv", "html"],
         )
         if paper.applies(CONFIG)

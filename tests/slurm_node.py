@@ -35,7 +35,11 @@ def impossible() -> str:
     return ""
 
 
-def run(*command: str, seconds: float = 60) -> subprocess.CompletedProcess[str]:
+class Unavailable(Exception):
+    """The packages are not to be had here."""
+
+
+def run(*command: str, seconds: float = 120) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         command, env=os.environ | PATH, capture_output=True, text=True, timeout=seconds, check=True
     )
@@ -43,7 +47,13 @@ def run(*command: str, seconds: float = 60) -> subprocess.CompletedProcess[str]:
 
 @contextmanager
 def node(folder: Path) -> Iterator[None]:
-    """The node, until the end of the context; no daemon is left then."""
+    """The node, until the end of the context; no daemon is left then.
+
+    Raises
+    ------
+    Unavailable
+        SLURM is not installed, and cannot be.
+    """
     _install()
     folder.chmod(0o755)
     CONFIGURATION.parent.mkdir(parents=True, exist_ok=True)
@@ -57,13 +67,13 @@ def node(folder: Path) -> Iterator[None]:
         run("munged", "--force", *(f"--{name}={folder / file}" for name, file in names.items()))
         run("slurmctld", "-i")
         run("slurmd", "-N", "node")
-        _wait(30, lambda: "idle" in run("sinfo", "--noheader", "--format=%T").stdout)
+        _wait(60, lambda: "idle" in run("sinfo", "--noheader", "--format=%T").stdout)
         run("sbatch", "--wait", "--mem=10", "--output=/dev/null", "--wrap=true")
         yield
     finally:
         with suppress(subprocess.SubprocessError):
             run("scancel", "--user=root")
-            _wait(20, lambda: not run("squeue", "--noheader").stdout.strip())
+            _wait(60, lambda: not run("squeue", "--noheader").stdout.strip())
         for name in ("slurmd", "slurmctld", "munged"):
             _end(folder / f"{name}.pid")
         CONFIGURATION.unlink()
@@ -84,8 +94,10 @@ def _install() -> None:
         policy.write_text("#!/bin/sh\nexit 101\n")
         policy.chmod(0o755)
     try:
-        run("apt-get", "-qq", "update", seconds=120)
+        run("apt-get", "-qq", "update", seconds=180)
         run("apt-get", "-qq", "install", "--yes", "--no-install-recommends", *missing, seconds=300)
+    except subprocess.SubprocessError as error:
+        raise Unavailable(f"apt-get gives no {', '.join(missing)}: {error}") from error
     finally:
         if own:
             policy.unlink()
@@ -154,4 +166,4 @@ def _end(pid_file: Path) -> None:
     with suppress(FileNotFoundError, ProcessLookupError, ValueError):
         pid = int(pid_file.read_text())
         os.kill(pid, signal.SIGTERM)
-        _wait(20, lambda: not Path(f"/proc/{pid}").exists())
+        _wait(60, lambda: not Path(f"/proc/{pid}").exists())

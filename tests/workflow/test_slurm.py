@@ -5,6 +5,7 @@ import os
 import re
 import subprocess
 import sys
+from contextlib import ExitStack
 
 import pytest
 import slurm_node
@@ -18,7 +19,11 @@ def node(tmp_path_factory):
     if reason := slurm_node.impossible():
         pytest.skip(reason)
     assert importlib.util.find_spec("snakemake_executor_plugin_cluster_generic"), "make cluster"
-    with slurm_node.node(tmp_path_factory.mktemp("slurm")):
+    with ExitStack() as stack:
+        try:
+            stack.enter_context(slurm_node.node(tmp_path_factory.mktemp("slurm")))
+        except slurm_node.Unavailable as error:
+            pytest.skip(str(error))
         yield
 
 

@@ -2,6 +2,7 @@
 
 import difflib
 import functools
+import hashlib
 import operator
 import os
 import re
@@ -205,7 +206,7 @@ TABLES = {
 
 
 # Tables that are pages of the report too.
-PAGES = [*TABLES, "claims", "conventions", "reference_errors", "thresholds"]
+PAGES = [*TABLES, "claims", "conventions", "errata", "reference_errors", "thresholds"]
 
 
 def tables(target):
@@ -568,6 +569,18 @@ def paper_inputs(wildcards):
     return [f"<results>/{path}" for path in paper.inputs(CONFIG)]
 
 
+def no_inputs_of_errata(wildcards):
+    """None, once it is known that the paper is what is configured."""
+    paper_inputs(wildcards)
+    return []
+
+
+def errata_text():
+    """Digest of the page that lists the errata: where it changes, so does the table."""
+    page = ROOT / "docs" / "reproducing-the-paper.md"
+    return hashlib.sha256(page.read_bytes()).hexdigest()[:16]
+
+
 def figure_inputs(wildcards):
     """What a figure shows, named as the arguments of its plotting function."""
     known("figure", wildcards.name, ALL_FIGURES)
@@ -648,7 +661,7 @@ def figure_labels(wildcards):
 
 def page_category(wildcards):
     """Claims come first, and tables of studies beside their figures."""
-    if wildcards.table in ("claims", "conventions", "reference_errors"):
+    if wildcards.table in ("claims", "conventions", "errata", "reference_errors"):
         return "Claims"
     timed = {
         "benchmark",

@@ -62,6 +62,23 @@ rule page:
         "../scripts/page.py"
 
 
+rule errata:
+    input:
+        no_inputs_of_errata,
+    output:
+        "<results>/errata.csv",
+    log:
+        "<logs>/errata.log",
+    params:
+        page=os.path.relpath(ROOT / "docs" / "reproducing-the-paper.md"),
+        text=lambda wildcards: errata_text(),
+        code=code("errata.py"),
+    message:
+        "Errata of the paper in a table"
+    script:
+        "../scripts/errata.py"
+
+
 rule thresholds:
     input:
         sweeps=full_sweeps("original", "lifted_euler") + study_sweeps(),
