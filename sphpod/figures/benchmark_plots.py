@@ -65,8 +65,15 @@ FULL_RUNS: dict[str, tuple[str, Look]] = {
 """Label and look of full models: of SPH by contender, of its lifted form by integrator."""
 
 PAPER_RUNS: dict[str, tuple[str, Look]] = {
-    "original": (NAMES["original"], {"color": BROWN, "marker": "+", "markersize": 5}),
-    "linearized": (NAMES["linearized"], {"color": BROWN, "marker": "x", "linestyle": ":"}),
+    # One about the other, where they hardly differ.
+    "original": (
+        NAMES["original"],
+        {"color": BROWN, "marker": "s", "fillstyle": "none", "markersize": 3.5},
+    ),
+    "linearized": (
+        NAMES["linearized"],
+        {"color": BROWN, "marker": "D", "fillstyle": "none", "markersize": 5, "linestyle": ":"},
+    ),
 }
 FROZEN_LOOKS: tuple[Look, ...] = (
     {"color": VERMILLION, "marker": ">", "linestyle": "--"},
