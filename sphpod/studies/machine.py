@@ -22,7 +22,7 @@ from sphpod.numerics.error import FIELDS
 from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import lifted_rom, pod
 from sphpod.scene.scene import Scene
-from sphpod.studies.study import Dataset, Study
+from sphpod.studies.study import Dataset, Study, has_snapshots
 
 LIMIT = 1e-12
 """Largest relative difference that is allowed between machines."""
@@ -181,6 +181,7 @@ STUDY = Study(
                 place
                 for study in ("poor_snapshots", "amplitude", "stability_map")
                 for place in config["stability"][study].items()
+                if has_snapshots(config, place)
             ),
         )
     },

@@ -25,7 +25,7 @@ from sphpod.reduced import lifted_rom
 from sphpod.reduced.lifted_rom import LiftedModel
 from sphpod.reduced.rom import ReducedModel, modes_resolved
 from sphpod.scene.scene import Scene
-from sphpod.studies.study import UNDAMPED, Dataset, Drawing, Study, samplings, scenes
+from sphpod.studies.study import UNDAMPED, Dataset, Drawing, Study, sampled, scenes
 
 RANDOM_MODES = 20
 """Largest number of modes of a random basis, of velocity and of density each."""
@@ -363,7 +363,7 @@ STUDY = Study(
                 "snapshots": "snapshots.nc",
             },
             arguments={"mode_counts": "all_mode_counts"},
-            places=samplings,
+            places=sampled,
         ),
         "random_bases": Dataset(
             compute="studies.operators.of_random_bases",

@@ -189,6 +189,17 @@ def samplings(config: Mapping[str, Any], first: bool = False) -> list[Place]:
     ]
 
 
+def has_snapshots(config: Mapping[str, Any], place: Place) -> bool:
+    """Whether a sampling has snapshots of its own, and not the modes of others' alone."""
+    scene, sampling = place
+    return "modes" not in config["scenes"][scene]["samplings"][sampling]
+
+
+def sampled(config: Mapping[str, Any]) -> list[Place]:
+    """All samplings that have snapshots of their own."""
+    return [place for place in samplings(config) if has_snapshots(config, place)]
+
+
 def accelerated(config: Mapping[str, Any]) -> list[Place]:
     """Samplings of which the paper's study of run time is asked for."""
     return [

@@ -188,6 +188,17 @@ def test_modes_that_are_borrowed_are_made_of_the_lenders_and_made_anew_with_them
     assert (
         "sampling = both: it has no snapshots of its own; its modes are of those of" in run.stderr
     )
+    # Studies leave out what they have no snapshots of.
+    settings["stability"] = {"stability_map": {"between": "both"}, "smoothing_ratios": [1.04, 1.2]}
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings))
+    run = subprocess.run(
+        command("--dry-run", *config, "--", "all", "lifted", "stability", "benchmarks"),
+        cwd=built, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    said = run.stdout + run.stderr
+    assert run.returncode == 0, said
+    assert "between/both/mode_map.nc" in said
+    assert "between/both/snapshots.nc" not in said
 
 
 @contextmanager
