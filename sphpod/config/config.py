@@ -40,7 +40,7 @@ from sphpod.reduced import snapshots
 from sphpod.reference import exact
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
-from sphpod.studies.variants import CHANGES
+from sphpod.studies.variants import CHANGES, OWN
 
 LARGEST_COUNTS = {"time_step": 10**9, "error_interval": 10**6}
 """How often a key may fit in the duration, so that a slip of the pen does not fill the memory."""
@@ -384,6 +384,15 @@ def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) ->
             figure["position"],
             f"it must be at least 0 and below L = {scene['domain_length']}",
         )
+    interval = scene["error_interval"]
+    if not 2 * interval <= figure.get("end_time", scene["duration"]) <= scene["duration"]:
+        raise refusal(
+            name,
+            f"{key}.end_time",
+            figure["end_time"],
+            f"it must be from two error intervals, {checks.number(2 * interval)}, to "
+            f"T = {checks.number(scene['duration'])}",
+        )
     if kind == "initial_spectrum" and not scenes.Scene.from_settings(name, scene).is_even:
         raise refusal(
             name, f"{key}.kind", kind, "a spectrum is drawn of evenly spaced particles only"
@@ -433,6 +442,8 @@ def _check_variants(config: dict[str, Any]) -> None:
             known = ", ".join(config["scenes"])
             raise refusal(None, key, name, f"no such scene; allowed are {known}")
         for variant, changes in runs.items():
+            if variant == OWN:
+                raise refusal(None, f"{key}.{name}", OWN, "this is the name of the scene itself")
             for change, value in changes.items():
                 if change not in CHANGES:
                     allowed = f"unknown here; allowed are {', '.join(CHANGES)}"

@@ -68,6 +68,7 @@ def resolve(config: Mapping[str, Any]) -> list[dict[str, Any]]:
         for one in given if isinstance(given, list) else [given]:
             _check_keys(claim, one)
             _check_paper(claim, one)
+            _check_places(claim, one)
             looked_at = [_files(config, claim, one, *place) for place in _places(claim, one)]
             criteria.append({**one, "files": looked_at})
         resolved.append({**claim, "criterion": criteria})
@@ -104,6 +105,19 @@ def _check_keys(claim, one) -> None:
     for key in needed:
         if key not in one:
             raise _refusal(claim, f"criterion.{key}", "(missing)", f"{one['kind']} needs it")
+
+
+def _check_places(claim, one) -> None:
+    """Refuse fewer places than the criterion compares, or more than it can."""
+    kind = CRITERIA[one["kind"]]
+    number = len(list(_places(claim, one)))
+    if kind.files and not kind.least <= number <= kind.most:
+        needed = str(kind.least) if kind.least == kind.most else f"{kind.least} or more"
+        if kind.least < kind.most < math.inf:
+            needed = f"{kind.least} to {kind.most}"
+        key = next((key for key in PLACE_KEYS if key in one), "places")
+        allowed = f"{one['kind']} looks at {needed} of them, not {number}"
+        raise _refusal(claim, f"criterion.{key}", one.get(key, "(missing)"), allowed)
 
 
 def _check_paper(claim, one) -> None:

@@ -54,26 +54,29 @@ class Finding(NamedTuple):
 
 
 class Criterion(NamedTuple):
-    """How a kind of criterion is reported, what it looks at, what the paper says, who decides."""
+    """How it is reported, what it looks at, what the paper says, who decides, of how many."""
 
     text: str
     files: tuple[str, ...]
     paper: str
     decide: Callable[..., Finding]
+    least: int
+    most: float
 
 
 CRITERIA: dict[str, Criterion] = {}
 """By the name that the configuration calls them."""
 
 
-def criterion(text: str, *files: str, paper: str = "yes"):
+def criterion(text: str, *files: str, paper: str = "yes", places: tuple[int, float] = (1, 1)):
     """Register a criterion: ``decide(places, claim, **thresholds)``, thresholds as configured.
 
-    ``paper`` is what claims decided by it quote: yes, a number, a matrix or a percentage.
+    ``paper`` is what claims decided by it quote: yes, a number, a matrix or a percentage;
+    ``places`` are the least and the most that it looks at.
     """
 
     def register(decide):
-        CRITERIA[decide.__name__] = Criterion(text, files, paper, decide)
+        CRITERIA[decide.__name__] = Criterion(text, files, paper, decide, *places)
         return decide
 
     return register
@@ -158,6 +161,7 @@ def counted(value: int | None, claim: Mapping[str, Any]) -> Finding:
     "errors",
     "sweep",
     paper="a number",
+    places=(1, math.inf),
 )
 def works_from(places, claim):
     """All places must agree with the paper; what is found at each is reported if it differs."""
@@ -175,6 +179,7 @@ def works_from(places, claim):
     "sweep",
     "snapshots",
     paper="a number",
+    places=(1, math.inf),
 )
 def smallest_working_count(places, claim):
     """The places are samplings of one scene with more and more snapshots."""
@@ -477,6 +482,7 @@ def cpu_time_falls(places, claim, *, mode_counts):
     "CPU times of {methods} for every k: between 1/{factor} and {factor} times those of full "
     "SPH with neighbour lists and with the stencil",
     "cpu_time",
+    places=(1, math.inf),
 )
 def cpu_time_alike(places, claim, *, methods, factor):
     """Whether reduced models take about the time of full SPH."""

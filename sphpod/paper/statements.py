@@ -7,6 +7,7 @@ Long: one short function for each kind of statement.
 """
 
 import itertools
+import math
 
 import numpy as np
 from scipy.interpolate import CubicSpline
@@ -44,7 +45,9 @@ def shares(rows: np.ndarray) -> np.ndarray:
 
 
 @criterion(
-    "error of SPH in v and in ρ: each larger at the first place than at the second", "errors"
+    "error of SPH in v and in ρ: each larger at the first place than at the second",
+    "errors",
+    places=(2, 2),
 )
 def sph_errors_larger(places, claim):
     """Whether a scene has larger errors than another, in both fields."""
@@ -73,6 +76,7 @@ def density_error_smaller(places, claim, *, factor):
     "error of SPH in {field} against the exact solution, {variants}: the first at least {factor} "
     "times the second",
     "variants",
+    places=(1, 2),
 )
 def variant_errors(places, claim, *, field, variants, factor):
     """Errors of two variants, of one scene or of two."""
@@ -211,7 +215,9 @@ def high_harmonics_decay(places, claim, *, start, end, among):
 
 
 @criterion(
-    "number of snapshots and range of time: each twice that of the second place", "snapshots"
+    "number of snapshots and range of time: each twice that of the second place",
+    "snapshots",
+    places=(2, 2),
 )
 def doubled(places, claim):
     """Whether a sampling has twice the snapshots and twice the range of another."""
@@ -286,6 +292,7 @@ def fails_with(places, claim, *, modes):
     "overlap of each of the first {harmonics} velocity modes with its nearest sine wave: at least "
     "{similar} at the second place, below it for all at the first",
     "pod",
+    places=(2, 2),
 )
 def aligned_only_there(places, claim, *, harmonics, similar):
     """Whether modes are aligned with harmonics in one sampling and not in another."""
@@ -344,6 +351,7 @@ def nearly_diagonal(places, claim, *, harmonics, spread):
     "place; POD error in v at k = {mode_counts} larger",
     "pod",
     "sweep",
+    places=(2, 2),
 )
 def decays_faster(places, claim, *, modes, factor, mode_counts):
     """Whether singular values decay faster than elsewhere, and errors are larger."""
@@ -386,7 +394,11 @@ def both_drop(places, claim, *, after, similar, drop, among):
 # Errors of reduced models -------------------------------------------------------------------------
 
 
-@criterion("POD error in v and ρ: at each k with resolved modes at most that at k - 1", "sweep")
+@criterion(
+    "POD error in v and ρ: at each k with resolved modes at most that at k - 1",
+    "sweep",
+    places=(1, math.inf),
+)
 def errors_fall(places, claim):
     """Whether errors fall with every mode; where modes are near rounding, nothing is asked."""
     rises = 0
@@ -432,6 +444,7 @@ def error_step(places, claim, *, after, among):
     "geometric mean over k ≥ {begin} of POD error relative to that of the last place: below 1 at "
     "each other place",
     "sweep",
+    places=(2, math.inf),
 )
 def better_on_average(places, claim, *, begin):
     """Whether samplings have smaller errors than another."""
@@ -447,6 +460,7 @@ def better_on_average(places, claim, *, begin):
     "POD error at every k, relative to that of the last place: from 1/{factor} to {factor} at each "
     "other place",
     "sweep",
+    places=(2, math.inf),
 )
 def alike_at_every_k(places, claim, *, factor):
     """Whether samplings have errors like another's."""
@@ -467,6 +481,7 @@ def _from(place: Place, field: str, begin: int) -> np.ndarray:
     "smallest k from which POD error stays below SPH error: rising from place to place",
     "errors",
     "sweep",
+    places=(2, math.inf),
 )
 def need_more_modes(places, claim):
     """Whether one place after another needs more modes."""
@@ -478,6 +493,7 @@ def need_more_modes(places, claim):
 @criterion(
     "error of linearized over original model in v at k = {modes}: from place to place nearer to 1",
     "acceleration",
+    places=(2, math.inf),
 )
 def linearized_improves(places, claim, *, modes):
     """Whether linearizing the density costs less from place to place."""
@@ -496,6 +512,7 @@ def linearized_improves(places, claim, *, modes):
     "error of the model frozen longest over that of the one frozen shortest, less 1: at most "
     "{spread} for each k, v and ρ",
     "acceleration",
+    places=(1, math.inf),
 )
 def freezing_negligible(places, claim, *, spread):
     """Whether freezing coefficients adds to the error."""
@@ -517,6 +534,7 @@ def freezing_negligible(places, claim, *, spread):
     "error of the model frozen longest over that of the one frozen shortest in v at k = {modes}, "
     "less 1: at the second place at least {factor} times that at the first",
     "acceleration",
+    places=(2, 2),
 )
 def freezing_adds_more(places, claim, *, modes, factor):
     """Whether freezing adds more error at one place than at another."""
@@ -531,7 +549,9 @@ def freezing_adds_more(places, claim, *, modes, factor):
 
 
 @criterion(
-    "POD error of every model: smaller at the larger of two mode counts, v and ρ", "acceleration"
+    "POD error of every model: smaller at the larger of two mode counts, v and ρ",
+    "acceleration",
+    places=(1, math.inf),
 )
 def more_modes_help(places, claim):
     """Whether every model of a study has smaller errors with more modes."""
@@ -552,6 +572,7 @@ def more_modes_help(places, claim):
     "CPU time of every reduced model at the larger of two mode counts: at most {factor} times that "
     "at the smaller",
     "cpu_time",
+    places=(1, math.inf),
 )
 def cpu_time_rises_little(places, claim, *, factor):
     """Whether more modes cost little more time."""
@@ -564,7 +585,9 @@ def cpu_time_rises_little(places, claim, *, factor):
     return Finding(max(map(max, rises.values())) <= factor, ", ".join(parts))
 
 
-@criterion("CPU time of frozen1 below that of original, for every k", "cpu_time")
+@criterion(
+    "CPU time of frozen1 below that of original, for every k", "cpu_time", places=(1, math.inf)
+)
 def frozen_is_cheaper(places, claim):
     """Whether freezing for one step saves time already."""
     found = [

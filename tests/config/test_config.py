@@ -283,6 +283,8 @@ REFUSALS = [
     # keys
     ({"particel_count": 3}, ["particel_count = 3", "unknown key", "did you mean particle_count"]),
     ({"samplings.few.cuont": 3}, ["samplings.few.cuont = 3", "unknown key", "count", "range"]),
+    ({"figures": [{"kind": "profile", "end_time": 9}]}, ["figures.0.end_time = 9", "to T = 1"]),
+    ({"figures": [{"kind": "profile", "end_time": 1e-3}]}, ["end_time = 0.001", "two error inter"]),
     ({"figures": [{"kind": "profile", "size": 3}]}, ["figures.0.size = 3", "unknown key", "kind"]),
     ({"acceleration.few": STUDY | {"k": 1}}, ["acceleration.few.k = 1", "unknown key"]),
     ({"force": {"time": 1, "profile": 1, "mean": 2}}, ["force.mean = 2", "unknown key", "time"]),
@@ -729,6 +731,10 @@ def test_sizes_of_the_benchmark_by_default(load):
         ({"wave": {"one": {"particle_count": 4}}}, "runs.wave.one: scene wave: particle_count = 4"),
         ({"wave": {"one": {"time_step": 3e-4}}}, "runs.wave.one: scene wave: duration = 1"),
         ({"wave": {"one": {"damping": 1}}}, "studies.variants.runs.wave.one.damping"),
+        (
+            {"wave": {"own": {"particle_count": 40}}},
+            "runs.wave = own: this is the name of the scene",
+        ),
     ],
 )
 def test_variants_that_cannot_run_are_refused(load, runs, answer):

@@ -414,6 +414,10 @@ def sizes(**changes):
         ),
         ({"criterion": sizes(among=10)}, ["among = 10", "11 modes", "uniform10 gives 10"]),
         ({"criterion": {"kind": "works_from"}}, ["paper = yes", "a number"]),
+        (
+            {"criterion": {"kind": "sph_errors_larger", "places": ["waves"]}},
+            ["criterion.places", "sph_errors_larger looks at 2 of them, not 1"],
+        ),
         ({"paper": 7}, ["paper = 7", "it must be yes"]),
         ({"criterion": {"kind": "works_from"}, "paper": 0}, ["paper = 0"]),
         (
