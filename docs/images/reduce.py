@@ -1,19 +1,28 @@
 """Make the pictures of the documents anew from the figures of a full run and of the benchmarks."""
 
+import sys
 from pathlib import Path
 
 from PIL import Image
 
 HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
 WIDTH = 1200  # pixels: sharp at twice the width that a page shows
+MOVING = "figures/ten_harmonics/uniform100/k12.gif"
 
 if __name__ == "__main__":
-    for path in sorted(HERE.glob("*.png")):
-        with Image.open(HERE.parents[1] / "figures" / path.name) as figure:
+    pictures = sorted(HERE.glob("*.png"))
+    sources = [f"figures/{path.name}" for path in pictures]
+    missing = [name for name in (*sources, MOVING) if not (ROOT / name).exists()]
+    if missing:
+        sys.exit(
+            f"pictures: missing are {', '.join(missing)}; they are made by: make figures, then "
+            f"snakemake --cores 2 benchmarks stability {MOVING}"
+        )
+    for path, source in zip(pictures, sources, strict=True):
+        with Image.open(ROOT / source) as figure:
             size = (WIDTH, round(WIDTH * figure.height / figure.width))
             small = figure.convert("RGB").resize(size, Image.Resampling.LANCZOS)
         # This method keeps the ends of a colour bar, of which a picture has few pixels.
         small.quantize(256, Image.Quantize.MAXCOVERAGE).save(path, optimize=True)
-    # Of the target figures/ten_harmonics/uniform100/k12.gif.
-    moving = HERE.parents[1] / "figures/ten_harmonics/uniform100/k12.gif"
-    (HERE / "motion.gif").write_bytes(moving.read_bytes())
+    (HERE / "motion.gif").write_bytes((ROOT / MOVING).read_bytes())

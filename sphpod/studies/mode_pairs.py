@@ -91,7 +91,7 @@ def draw(pairs: Arrays) -> "Figure":
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-    from sphpod.figures.plotting import BLACK, GREY, HALF_WIDTH, STYLE
+    from sphpod.figures.plotting import BLACK, GREY, HALF_WIDTH, STYLE, shortened
 
     ratio = np.maximum(pairs["pair_velocity_ratio"], pairs["pair_density_ratio"])
     with matplotlib.style.context(["default", STYLE]):
@@ -112,8 +112,19 @@ def draw(pairs: Arrays) -> "Figure":
         axes.set(xlabel="density modes kρ", ylabel="velocity modes kv")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(6, integer=True, steps=(1, 2, 5, 10)))
-        bar = figure.colorbar(mesh, ax=axes, label="POD error / SPH error")
+        cut = sizes.size > 0 and sizes.min() < 1 / span, sizes.size > 0 and sizes.max() > span
+        extend = {(True, False): "min", (False, True): "max", (True, True): "both"}
+        bar = figure.colorbar(
+            mesh, ax=axes, label="POD error / SPH error", extend=extend.get(cut, "neither")
+        )
         bar.outline.set_linewidth(0.6)
+        # Powers of ten to both sides of one, at most three, or the ends if there is none.
+        step = int(np.ceil(np.log10(span) / 3))
+        number = int(np.log10(span) / step)
+        powers = 10.0 ** (step * np.arange(-number, number + 1))
+        ticks = powers.tolist() if number else [1 / span, 1.0, span]
+        bar.set_ticks(ticks, labels=[shortened(tick) for tick in ticks])
+        bar.minorticks_off()
         notes = "dots: below 1" + ("" if np.isfinite(ratio).all() else "; grey: broken down")
         axes.set_title(f"larger of v and ρ; {notes}", loc="left")
     return figure

@@ -62,3 +62,21 @@ def test_the_table_gives_the_fewest_density_modes_that_work():
     rows = list(mode_pairs.rows({"scene": "a", "sampling": "b"}, arrays))
     assert [row["fewest_density_modes"] for row in rows] == [None, 2]
     check_layout(mode_pairs.draw(arrays))
+
+
+def test_colours_have_a_tick_at_one_and_say_where_they_are_cut() -> None:
+    """A ratio of 1 parts what works from what does not; colours end at 10⁴ to either side."""
+    for sizes, extend in (((1e-6, 0.5), "min"), ((0.2, 3.0), "neither"), ((1e-5, 1e5), "both")):
+        ratio = np.array([sizes, sizes[::-1]])
+        pairs = {
+            "velocity_modes_kept": np.arange(1, 3),
+            "density_modes_kept": np.arange(1, 3),
+            "pair_velocity_ratio": ratio,
+            "pair_density_ratio": ratio,
+        }
+        figure = mode_pairs.draw(pairs)
+        bar = figure.axes[0].collections[0].colorbar
+        assert bar is not None
+        assert bar.extend == extend
+        assert 1.0 in bar.get_ticks()
+        figure.draw_without_rendering()
