@@ -793,17 +793,34 @@ def _label_steps(
     finite = values <= WORST_ERROR
     heights = np.log(np.where(finite, values, top) / bottom) / np.log(top / bottom) * PANEL_HEIGHT
 
-    def covers(one: list[int], other: list[int]) -> bool:
-        """Whether labels of dots would, a figure of them some 4 pt wide and a line 9 pt high."""
-        apart = abs(points[one].mean() - points[other].mean())
-        wide = 2 * len(_listed(steps[one])) + 2 * len(_listed(steps[other])) + 3
-        same = finite[one[0]] == finite[other[0]]
-        return same and apart < wide and np.ptp(heights[[*one, *other]]) < 9
+    def close(one: int, other: int) -> bool:
+        """Whether labels of two dots would cover each other, being a line some 9 pt high."""
+        apart = abs(points[one] - points[other])
+        same = finite[one] == finite[other]
+        level = abs(heights[one] - heights[other])
+        return same and apart < (widths[[one, other]].sum() + 3) / 2 and level < 9
 
-    groups = [[dot] for dot in np.argsort(points).tolist()]
-    while near := next((n for n in range(1, len(groups)) if covers(*groups[n - 1 : n + 1])), None):
-        groups[near - 1 : near + 1] = [groups[near - 1] + groups[near]]
-    for group in groups:
+    # A figure is some 4 pt wide.
+    widths = np.array([4 * len(str(number)) for number in steps])
+    groups: list[list[int]] = []
+    for dot in np.argsort(points).tolist():
+        if groups and close(groups[-1][-1], dot):
+            groups[-1].append(dot)
+        else:
+            groups.append([dot])
+    # Lists are wider than their dots: what stands beside them gives way.
+    places = [points[group].mean() for group in groups]
+    shifts = np.zeros(len(groups))
+    for n in range(1, len(groups)):
+        one, other = groups[n - 1 : n + 1]
+        if finite[one[0]] == finite[other[0]] and np.ptp(heights[[*one, *other]]) < 9:
+            wide = 2 * len(_listed(steps[one])) + 2 * len(_listed(steps[other])) + 4
+            before = places[n - 1] + shifts[n - 1]
+            shifts[n] = max(0.0, before + wide - places[n])
+    # Those that gave way do so together with those they gave way to, by half to either side.
+    for cluster in np.split(np.arange(len(groups)), np.flatnonzero(shifts == 0)[1:]):
+        shifts[cluster] -= shifts[cluster].max(initial=0) / 2
+    for group, shift in zip(groups, shifts, strict=True):
         # Errors grow with n, so to the right above the line and to the left below it is room.
         side = 1 if above and finite[group[0]] else -1
         height = side * (side * values[group]).max() if finite[group[0]] else 1
@@ -811,7 +828,7 @@ def _label_steps(
             _listed(steps[group]),
             (np.exp(np.log(times[group]).mean()), height),
             xycoords="data" if finite[group[0]] else axes.get_xaxis_transform(),
-            xytext=(2 * side, 4 * side),
+            xytext=(2 * side + shift, 4 * side),
             textcoords="offset points",
             ha="center",
             va="bottom" if side > 0 else "top",

@@ -689,3 +689,16 @@ def test_phase_looks_at_the_nearest_particle_over_the_whole_duration() -> None:
     ]
     np.testing.assert_allclose(y_of(upper.lines[0]), 1e3 * exact["velocity"][:201, 24], rtol=1e-12)
     assert any("x = 0.3 m [10⁻³ m/s]" in text.get_text() for text in visible_texts(figure))
+
+
+def test_numbers_of_frozen_steps_are_listed_only_where_dots_are_close() -> None:
+    """A list is wider than its dots, but does not take in what stands apart from all of them."""
+    figure = Figure()
+    axes = figure.subplots()
+    axes.set(xscale="log", yscale="log", xlim=(1, 10), ylim=(1, 10))
+    across = np.array([80.0, 83.0, 88.0, 104.0])  # of some 165 pt
+    times, steps = 10 ** (across / plotting.PANEL_POINTS), np.array([10, 5, 2, 1])
+    plotting._label_steps(axes, times, np.full(4, 2.0), steps, "black", above=True)
+    assert [text.get_text() for text in axes.texts] == ["10, 5, 2", "1"]
+    left, right = (text.get_position()[0] for text in axes.texts)
+    assert left < 2 < right
