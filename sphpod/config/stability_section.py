@@ -105,14 +105,22 @@ class Stability(Section):
 WITHOUT_TIMES = "it must be a sampling at times, as snapshots of other runs are taken there too"
 
 
+STEADY = "it must be a scene of which neither youngs_modulus nor damping names t"
+
+
 def resolved_stability(
     settings: dict[str, Any], known: dict[str, Any], memory: float
 ) -> dict[str, Any]:
     """Check what is asked of stability; studies are of the first sampled scene if none is named."""
+    steady = {
+        name: scenes.Scene.from_settings(name, settings).is_steady
+        for name, settings in known.items()
+    }
     first = {
         name: timed[0]
         for name, s in known.items()
-        if (timed := [one for one, taken in s["samplings"].items() if is_of_run(taken)])
+        if steady[name]
+        and (timed := [one for one, taken in s["samplings"].items() if is_of_run(taken)])
     }
     moving = {n: s for n, s in first.items() if _strains(scenes.Scene.from_settings(n, known[n]))}
     usual = dict(list(first.items())[:1])
@@ -130,6 +138,8 @@ def resolved_stability(
             if sampling not in known[name]["samplings"]:
                 allowed = known_names("sampling", known[name]["samplings"])
                 raise refusal(None, f"{key}.{name}", sampling, allowed)
+            if not steady[name]:
+                raise refusal(None, key, name, STEADY)
             taken = known[name]["samplings"][sampling]
             if study != "stability_map" and not is_of_run(taken):
                 raise refusal(None, f"{key}.{name}", sampling, WITHOUT_TIMES)
@@ -207,6 +217,9 @@ def _edge_scene(
         checks.check_setting(physics)
     except ValueError as error:
         raise ConfigError(str(error)) from error
+    for given in ("youngs_modulus", "damping"):
+        if physics.changing(given) is not None:
+            raise refusal(None, f"{key}.{given}", scene[given], "it must not name t here")
     return scene
 
 
