@@ -19,6 +19,8 @@ Long, as both references, their means of cells and the estimate of their error s
 
 import logging
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -27,7 +29,7 @@ from sphpod.numerics.compiled import compiled
 from sphpod.numerics.course import POINTS, WEIGHTS
 from sphpod.numerics.error import FIELDS
 from sphpod.numerics.expressions import Expression
-from sphpod.numerics.separation import Separated
+from sphpod.numerics.separation import Products, Separated
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import ABSENT, IN_X_AND_T, NO_FORCE, Scene
 
@@ -270,9 +272,20 @@ def _terms(coefficient, seen):
     if coefficient is None:
         return NO_FORCE
     if isinstance(coefficient, Separated):
-        terms = range(len(coefficient.factors))
-        return np.stack([seen(lambda x, r=r: coefficient.profiles(x)[r]) for r in terms])
+        return _each(coefficient.profiles, len(coefficient.factors), seen)
     return seen(coefficient)[None]
+
+
+def _each(profiles, count, seen):
+    """As `_terms`, of a function that gives all profiles at places, (count, places)."""
+    last: list[Any] = [None, None]
+
+    def profile(x, r):
+        if last[0] is not x:
+            last[:] = x, profiles(x)
+        return last[1][r]
+
+    return np.stack([seen(lambda x, r=r: profile(x, r)) for r in range(count)])
 
 
 def _of_time(coefficient, profiles, times) -> tuple[np.ndarray, Changes]:
@@ -316,26 +329,37 @@ def _cell_means(scene, count):
     def parts(function):
         return _means(function, x, scene.domain_length)
 
+    def parts_of_terms(function):
+        return _means(function, x, scene.domain_length, alone=True)
+
     def about_nodes(values):
         return np.roll(values, CELL_PARTS // 2).reshape(count, CELL_PARTS).mean(axis=1)
 
     def per_mass(values, places):
         return scene.initial_density(x=places) * values
 
-    def weighed(function):
-        return about_nodes(parts(lambda at: per_mass(function(at), at))) / inertia
+    def weighed(function, means=parts):
+        return about_nodes(means(lambda at: per_mass(function(at), at))) / inertia
 
     masses = parts(lambda places: scene.initial_density(x=places))
     inertia = about_nodes(masses)
-    softness = _terms(_compliance(scene), parts)
+    steady = scene.changing("youngs_modulus") is None
+    softness = _terms(_compliance(scene), parts if steady else parts_of_terms)
     means = softness.reshape(len(softness), count, CELL_PARTS).mean(axis=2)
     dampings = _terms(_damping(scene), weighed)
     profiles = NO_FORCE
     if scene.forces:
-        start = np.zeros(1)
-        terms = range(len(scene.force_values(start)[1]))
-        profiles = np.stack(
-            [weighed(lambda at, r=r: scene.force_values(start, at)[1][r]) for r in terms]
+        profiles = np.concatenate(
+            [
+                _each(
+                    term.profiles,
+                    len(term.factors),
+                    weighed
+                    if isinstance(term, Products)
+                    else partial(weighed, means=parts_of_terms),
+                )
+                for term in scene.force_terms
+            ]
         )
     # Of a modulus that changes with time, the compliances at the start stand for all.
     compliances, _ = _of_time(_compliance(scene), softness, np.zeros(1))
@@ -347,18 +371,22 @@ def _cell_means(scene, count):
     return inertia, at_left, dampings, profiles, (*velocity_reader, *stress_reader)
 
 
-def _means(function, x, length):
+def _means(function, x, length, alone=False):
     """Means of a periodic function over parts of its period, of which x are the midpoints.
 
     The midpoint rule; what changes much from one midpoint to the next is taken to jump, at a place
-    that is found by bisection.
+    that is found by bisection; or what also changes ten times more there than on either side.
     """
     width = length / x.size
     values = function(x)
     after = np.roll(values, -1)
     # Part of the way to the next midpoint that has the value of this one.
     share = np.full(x.size, 0.5)
-    steep = np.flatnonzero(np.abs(after - values) > JUMP * np.abs(values).max())
+    change = np.abs(after - values)
+    steep = change > JUMP * np.abs(values).max()
+    if alone:
+        steep &= change > 10 * np.maximum(np.roll(change, 1), np.roll(change, -1))
+    steep = np.flatnonzero(steep)
     if steep.size:
         low, high = np.zeros(steep.size), np.ones(steep.size)
         for _ in range(30):
