@@ -6,12 +6,16 @@ Both rates are taken from the old state (section 2.2):
     dv_i/dt = -(1/ρ0_i) Σ_j V_j c_j (1 - ρ0_j/ρ_j) ∇W_ij - d_i v_i + f_i
 
 A damping or force that a scene lacks is an empty array, and costs nothing.
+
+About a free end the strain is odd, and a step in ρ, of (1 + e)² Δt Σ, breaks that by its square. So
+beyond free ends the stress is set after every step to what the bar's own says, and at them to zero.
 """
 
 import numpy as np
 
 from sphpod.numerics.compiled import compiled
 from sphpod.scene.breakdown import Breakdown
+from sphpod.scene.ends import STRAIN
 from sphpod.scene.kernel import stencil_weights
 from sphpod.scene.scene import Scene
 
@@ -117,6 +121,7 @@ def prepare(
         march = march_stencil
 
     pace = fastest_change(scene, dt, np.abs(amplitude).max(initial=0.0), factor=2)
+    images = _images(scene)
     velocity0 = np.pad(velocity_now, ghosts, mode="wrap")
     stress0 = np.pad(modulus * (1 - density0 / density_now), ghosts, mode="wrap")
 
@@ -125,9 +130,19 @@ def prepare(
         state[0], state[2] = velocity0, stress0
         rho = density_now.copy()
         schedule = first_step, steps, watch, pace
-        return march((state, rho), material, forces, geometry, schedule, (velocity, density))
+        kept = velocity, density
+        return march((state, rho), material, forces, geometry, schedule, kept, images)
 
     return run
+
+
+def _images(scene):
+    """Particles beyond free ends, those that they are images of, and the signs of strains there."""
+    if scene.ends is None or not scene.ends.is_free:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    sources, signs = scene.ends.images(scene.particle_count, STRAIN)
+    others = np.flatnonzero((sources != np.arange(sources.size)) | (signs == 0))
+    return others, sources[others], signs[others]
 
 
 def fastest_change(
@@ -236,6 +251,17 @@ def act(new_v, v, forces, step):
 
 
 @compiled
+def reflect(stress, rho, material, images):
+    """Stress and density of mirror images, and of free ends, from the bar's stress, no ghosts."""
+    _, modulus, load = material
+    others, sources, signs = images
+    for n in range(others.size):
+        i = others[n]
+        stress[i] = signs[n] * stress[sources[n]]
+        rho[i] = load[i] / (modulus[i] - stress[i])
+
+
+@compiled
 def advance_two(v, new_v, stress, new_stress, rho, material, weights):
     """One step for two neighbours on each side: all reads of the old state, one division."""
     inertia, modulus, load = material
@@ -286,11 +312,12 @@ def advance_any(v, new_v, stress, new_stress, rho, material, weights):
 
 
 @compiled
-def march_stencil(state, material, forces, geometry, schedule, kept):
+def march_stencil(state, material, forces, geometry, schedule, kept, images):
     """Evenly spaced particles.
 
     ``state`` holds velocity and stress, old and new, with ghosts, and the density; ``schedule`` the
-    first step, those after which the state is kept, whether it is looked at, and `fastest_change`.
+    first step, those after which the state is kept, whether it is looked at, and `fastest_change`;
+    ``images`` particles that are set as `reflect` does.
     """
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
@@ -319,6 +346,8 @@ def march_stencil(state, material, forces, geometry, schedule, kept):
                 advance_any(v, new_v, stress, new_stress, rho, material, weights)
             if acted:
                 act(new_v[inner], v[inner], forces, step)
+            if images[0].size:
+                reflect(new_stress[inner], rho, material, images)
             wrap(new_v, width)
             wrap(new_stress, width)
             v, new_v = new_v, v
@@ -355,7 +384,7 @@ def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
 
 
 @compiled
-def march_lists(state, material, forces, geometry, schedule, kept):
+def march_lists(state, material, forces, geometry, schedule, kept, images):
     """Any arrangement of particles, as `march_stencil` without ghosts."""
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
@@ -376,6 +405,8 @@ def march_lists(state, material, forces, geometry, schedule, kept):
             advance_lists(v, new_v, stress, new_stress, rho, material, geometry)
             if acted:
                 act(new_v, v, forces, step)
+            if images[0].size:
+                reflect(new_stress, rho, material, images)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
             if step + 1 >= next_look:

@@ -311,6 +311,10 @@ class Expression:
             raise self._error(f"it cannot be evaluated ({reason})") from error
         return result
 
+    def rewritten(self, text: str) -> "Expression":
+        """Another expression in the same names."""
+        return Expression(text, self.variables, self.constants)
+
     def shifted(self, by: float) -> "Expression":
         """The expression of one variable that gives at t what this one gives at t + ``by``."""
         (name,) = self.variables

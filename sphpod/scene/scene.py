@@ -10,12 +10,14 @@ import numpy as np
 
 from sphpod.numerics.course import Course
 from sphpod.numerics.expressions import Expression
+from sphpod.scene.ends import MATERIAL, VELOCITY, Ends, Mirrored
 from sphpod.scene.kernel import derivative, neighbour_lists, stencil_weights
 
 logger = logging.getLogger(__name__)
 
 PHYSICS_KEYS = (
     "domain_length",
+    "boundary",
     "duration",
     "initial_velocity",
     "initial_density",
@@ -68,6 +70,10 @@ class Scene:
         Largest distance, in spacings, of a particle at rest from its place in an evenly spaced row,
         drawn at random from this seed; the row as a whole is shifted for the first particle to be
         at 0. Zero if the particles are evenly spaced.
+    ends : Ends or None
+        Those of a bar, of which the chain then is the bar and its mirror images, all of a period:
+        domain_length, particle_count and the expressions are those of the line. None of what is
+        periodic itself.
     """
 
     name: str
@@ -86,6 +92,7 @@ class Scene:
     force_profile: Expression | None
     jitter: float = 0.0
     seed: int = 0
+    ends: Ends | None = None
 
     @classmethod
     def from_settings(cls, name: str, settings: dict[str, Any]) -> "Scene":
@@ -100,12 +107,20 @@ class Scene:
         duration = whole_time(float(settings["duration"]), step)
         interval = whole_time(float(settings.get("error_interval", duration / 10000)), step)
         constants = {"L": float(settings["domain_length"]), "T": duration}
+        length, count = constants["L"], settings["particle_count"]
+        ends = Ends.of(settings)
+        if ends:
+            length, count = ends.copies * length, ends.copies * (count - 1)
 
         def expression(key, text, variable):
             try:
-                return Expression(text, (variable,), constants)
+                found = Expression(text, (variable,), constants)
             except ValueError as error:
                 raise ValueError(f"scene {name}: {key}: {error}") from None
+            if ends is None or "x" not in found.variables:
+                return found
+            odd = VELOCITY if key in ("initial_velocity", "force.profile") else MATERIAL
+            return Mirrored(found, ends, length / count, odd)
 
         def profile(key):
             return expression(key, settings[key], "x") if key in settings else None
@@ -114,12 +129,14 @@ class Scene:
         parts = {f"force.{k}": v for k, v in force.items()} if isinstance(force, dict) else {}
         time = parts.get("force.time", None if parts else force)
         shape = parts.get("force.profile")
+        if ends and ends.is_fixed and time is not None and shape is None:
+            shape = 1  # A force that is the same all over the bar is not the same all over the line.
         places = settings.get("positions", {})
         return cls(
             name=name,
-            domain_length=float(settings["domain_length"]),
+            domain_length=length,
             duration=duration,
-            particle_count=settings["particle_count"],
+            particle_count=count,
             smoothing_ratio=float(settings["smoothing_ratio"]),
             time_step=step,
             error_interval=interval,
@@ -134,6 +151,7 @@ class Scene:
             force_profile=None if shape is None else expression("force.profile", shape, "x"),
             jitter=float(places.get("jitter", 0.0)),
             seed=places.get("seed", 0),
+            ends=ends,
         )
 
     @property
@@ -158,6 +176,18 @@ class Scene:
         return even + self.jitter * self.spacing * (offsets - offsets[0])
 
     @property
+    def bar_count(self) -> int:
+        """Number of particles of the bar itself, which are the first; all of a periodic line."""
+        if self.ends is None:
+            return self.particle_count
+        return self.particle_count // self.ends.copies + 1
+
+    @property
+    def bar_length(self) -> float:
+        """Length L of the bar itself [m]; the period of a periodic line."""
+        return self.domain_length if self.ends is None else self.ends.length
+
+    @property
     def is_even(self) -> bool:
         """Whether the particles are evenly spaced, so that all see the same neighbourhood."""
         return self.jitter == 0
@@ -172,9 +202,9 @@ class Scene:
         """Whether translation takes part: there is momentum, a force, or a damping that varies.
 
         Only evenly spaced particles can be translated without being strained: of others translation
-        is a motion like any other, as Σ_j V_j ∇W_ij is not zero.
+        is a motion like any other, as Σ_j V_j ∇W_ij is not zero. What is fixed is not translated.
         """
-        if not self.is_even:
+        if not self.is_even or (self.ends and self.ends.is_fixed):
             return False
         damping = self.damping_values()
         if self.force_time is not None or (damping.size and damping.min() < damping.max()):

@@ -184,8 +184,9 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
 def scaled(scene: Scene, factor: float) -> Scene:
     """The scene with its initial velocity times a factor."""
     given = scene.initial_velocity
-    text = f"{float(factor)!r}*({given.text})"
-    return replace(scene, initial_velocity=Expression(text, given.variables, given.constants))
+    return replace(
+        scene, initial_velocity=given.rewritten(f"{float(factor)!r}*({given.text})")
+    )
 
 
 def folding_amplitude(scene: Scene, steps: np.ndarray) -> float:

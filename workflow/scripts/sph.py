@@ -3,7 +3,7 @@
 import numpy as np
 
 from sphpod.full import sph
-from sphpod.pipeline import dataset, job
+from sphpod.pipeline import bar, dataset, job
 from sphpod.scene import resolution, waves
 from sphpod.scene.scene import Scene
 
@@ -15,7 +15,10 @@ if __name__ == "__main__":
     predicted = waves.predict(scene) | resolution.predict(scene)
     dataset.write(
         snakemake.output[0],
-        sph.solve(scene, steps) | {"error_sample": np.isin(steps, scene.error_steps)},
+        {
+            **bar.of_bar(scene, sph.solve(scene, steps)),
+            "error_sample": np.isin(steps, scene.error_steps),
+        },
         title=f"Full SPH of {name}",
         settings={"scene": name, **physics},
         code=snakemake.params.code,
