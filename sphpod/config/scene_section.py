@@ -46,6 +46,8 @@ class Positions(Section):
     seed: int = left_out(ge=0, le=LARGEST_SEED, description="seed of the random shifts, default 0")
 
 
+End = Literal["fixed", "free"]
+
 ReferenceKind = Literal["fd", "centred", "chain", "exact", "modified"]
 
 Time = Annotated[float, Field(ge=0, description="time [s]")]
@@ -262,7 +264,19 @@ class Scene(Section):
     """One simulated system, its discretisation, and what is studied and drawn of it."""
 
     section: str = Field("", description="section of the paper, as text (in quotes)")
-    domain_length: float = Field(gt=0, description="length L of the periodic domain [m]")
+    domain_length: float = Field(
+        gt=0, description="length L of the periodic domain, or of a bar with ends [m]"
+    )
+    boundary: Annotated[
+        Annotated[Literal["periodic"], Tag("<scalar>")]
+        | Annotated[
+            list[Annotated[End, Field(description="one end: fixed or free")]], Tag("<list>")
+        ],
+        BY_SHAPE,
+    ] = left_out(
+        description="periodic, or the ends of a bar at x = 0 and at x = L, each fixed or free, "
+        "such as [fixed, free]; default periodic"
+    )
     duration: float = Field(gt=0, description="simulated time T [s], a whole number of time steps")
     initial_velocity: Expression = Field(
         description="v0(x) [m/s], a number or an expression in x, L and T"
@@ -290,7 +304,12 @@ class Scene(Section):
         description="where particles rest: shifted at random from their even places; evenly spaced "
         "if left out"
     )
-    particle_count: int = Field(ge=5, le=100000, description="number N of particles")
+    particle_count: int = Field(
+        ge=5,
+        le=100000,
+        description="number N of particles, L/N apart, or L/(N - 1) in a bar with ends, on each of "
+        "which one stands",
+    )
     smoothing_ratio: float = Field(
         gt=0, description="smoothing length in particle spacings, alpha = h/dx (dimensionless)"
     )

@@ -7,7 +7,6 @@ count by half.
 """
 
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -24,9 +23,7 @@ SUMS = "_singular_values", "_coordinates", "reduced_force", "reduced_constant"
 """How names end of what is divided by √c, beside norms of energies."""
 
 
-def of_bar(
-    scene: Scene, arrays: Arrays, variables: Mapping[str, Variable] | None = None
-) -> Arrays:
+def of_bar(scene: Scene, arrays: Arrays, variables: Mapping[str, Variable] | None = None) -> Arrays:
     """Arrays of the bar, out of those of the line; as they are of a scene without ends.
 
     Parameters

@@ -105,7 +105,11 @@ def layers(scene: Scene) -> list[tuple[float, str]]:
         if not _uniform(values)
     ]
     names = [", ".join(parts) for parts in zip(*differing, strict=True)]
-    return sorted(zip((left % scene.domain_length).tolist(), names, strict=True))
+    found = sorted(zip((left % scene.domain_length).tolist(), names, strict=True))
+    if scene.ends is None:
+        return found
+    within = [(start, name) for start, name in found if start < scene.bar_length]
+    return [(0.0, found[-1][1]), *within]
 
 
 def solve(scene: Scene) -> dict[str, np.ndarray]:

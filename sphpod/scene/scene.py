@@ -130,7 +130,9 @@ class Scene:
         time = parts.get("force.time", None if parts else force)
         shape = parts.get("force.profile")
         if ends and ends.is_fixed and time is not None and shape is None:
-            shape = 1  # A force that is the same all over the bar is not the same all over the line.
+            shape = (
+                1  # A force that is the same all over the bar is not the same all over the line.
+            )
         places = settings.get("positions", {})
         return cls(
             name=name,
@@ -181,6 +183,10 @@ class Scene:
         if self.ends is None:
             return self.particle_count
         return self.particle_count // self.ends.copies + 1
+
+    def line_count(self, bar_count: int) -> int:
+        """Number of particles of the line where the bar has so many."""
+        return bar_count if self.ends is None else self.ends.copies * (bar_count - 1)
 
     @property
     def bar_length(self) -> float:

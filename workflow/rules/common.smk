@@ -307,7 +307,8 @@ def figure_options(wildcards):
     options = {key: figure[key] for key in keys if key in figure}
     if figure["kind"] in ("profile", "modes"):
         options["layers"] = exact.layers(physical(figure["scene"]))
-    if figure["kind"] in ("profile", "modes") and "positions" in SCENES[figure["scene"]]:
+    uneven = {"positions", "boundary"} & set(SCENES.get(figure.get("scene"), ()))
+    if figure["kind"] in ("profile", "modes") and uneven:
         options["length"] = SCENES[figure["scene"]]["domain_length"]
     if figure["kind"] in ("error", "acceleration"):
         options["reference"] = SCENES[figure["scene"]]["references"][0]
