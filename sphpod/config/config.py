@@ -193,8 +193,6 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
     }
     if scene.get("boundary") == "periodic":
         del scene["boundary"]
-    if len(ends := scene.get("boundary", ("", ""))) != 2:
-        raise refusal(name, "boundary", ends, "it must be periodic, or a list of both ends")
     for key, largest in LARGEST_COUNTS.items():
         if scene[key] > scene["duration"]:
             most = f"it must be at most T = {checks.number(scene['duration'])}"

@@ -270,7 +270,9 @@ class Scene(Section):
     boundary: Annotated[
         Annotated[Literal["periodic"], Tag("<scalar>")]
         | Annotated[
-            list[Annotated[End, Field(description="one end: fixed or free")]], Tag("<list>")
+            list[Annotated[End, Field(description="an end")]],
+            Field(min_length=2, max_length=2),
+            Tag("<list>"),
         ],
         BY_SHAPE,
     ] = left_out(
