@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sphpod.bar import of_bar
 from sphpod.config import config
 from sphpod.full import lifted, sph
 from sphpod.labelled import Data, arrays_of, labelled
 from sphpod.numerics import error
-from sphpod.pipeline.bar import of_bar
 from sphpod.reduced import certificate, error_bound, lifted_rom, pod, rom, rounding, snapshots
 from sphpod.reference import chain, exact, reference
 from sphpod.scene import resolution, waves

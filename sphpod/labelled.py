@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sphpod.pipeline.bar import of_bar, of_line
+from sphpod.bar import of_bar, of_line
 from sphpod.pipeline.dataset import VARIABLES
 from sphpod.scene.scene import Scene
 
@@ -21,7 +21,7 @@ def labelled(
 ) -> "xarray.Dataset":
     """Arrays as a dataset, with dimensions, units and meanings of `dataset.VARIABLES`.
 
-    Of a bar with ends it holds the bar alone, as files do (`pipeline.bar`).
+    Of a bar with ends it holds the bar alone, as files do (`sphpod.bar`).
     """
     import xarray
 

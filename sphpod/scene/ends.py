@@ -7,7 +7,7 @@ it on the bar. The line is of period 2 L, or 4 L where the ends are not alike:
     0 to L the bar | L to 2 L about its right end | then both about the left end
 
 Particles stand at x_i = i Δx with L = M Δx, those on ends with half their cell in the bar. The
-models see the line, files and figures the bar (`sphpod.pipeline.bar`).
+models see the line, files and figures the bar (`sphpod.bar`).
 """
 
 from collections.abc import Mapping

@@ -2,7 +2,8 @@
 
 import inspect
 
-from sphpod.pipeline import bar, dataset, job
+from sphpod import bar
+from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
 from sphpod.studies import study
 

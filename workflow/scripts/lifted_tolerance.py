@@ -2,7 +2,8 @@
 
 import logging
 
-from sphpod.pipeline import bar, dataset, job
+from sphpod import bar
+from sphpod.pipeline import dataset, job
 from sphpod.reduced import certificate
 from sphpod.scene.scene import Scene
 

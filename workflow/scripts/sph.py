@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from sphpod import bar
 from sphpod.full import sph
-from sphpod.pipeline import bar, dataset, job
+from sphpod.pipeline import dataset, job
 from sphpod.scene import resolution, waves
 from sphpod.scene.scene import Scene
 

@@ -6,8 +6,8 @@ import scenes
 import xarray as xr
 
 import sphpod
+from sphpod.bar import of_bar, of_line
 from sphpod.full import lifted, sph
-from sphpod.pipeline.bar import of_bar, of_line
 from sphpod.reduced import lifted_rom, pod, snapshots
 
 WAVES = {
