@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from sphpod.config import refusals
+from sphpod.config.boundary import check_ends
 from sphpod.config.configuration import (
     Benchmark,
     Configuration,
@@ -37,7 +38,7 @@ from sphpod.config.sizes import check_sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
 from sphpod.config.varied import check_pairs, check_variants
 from sphpod.numerics.error import FIELDS
-from sphpod.reduced import rom, snapshots
+from sphpod.reduced import snapshots
 from sphpod.reference import exact
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
@@ -134,10 +135,9 @@ def check_modes(
     if pair := parse_pair(modes):
         _check_pair(scene, sampling, settings, modes, pair, method)
         return
-    physics = scenes.Scene.from_settings(scene, settings)
-    split = method.startswith("lifted") and physics.translates
+    split = method.startswith("lifted") and scenes.Scene.from_settings(scene, settings).translates
     if method and not method.startswith("lifted"):
-        _check_method(physics)
+        check_ends(scene, settings)
     check_count(scene, sampling, settings, "modes", modes, int(split))
 
 
@@ -223,7 +223,7 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
             raise refusal(name, key, study, known_names("sampling", scene["samplings"]))
         if not snapshots.is_of_run(scene["samplings"][sampling]):
             raise refusal(name, key, study, WITHOUT_TIMES)
-        _check_method(physics)
+        check_ends(name, scene)
         for count in study["mode_counts"]:
             check_count(name, sampling, scene, f"{key}.mode_counts", str(count))
     drawn = _default_figures(scene, physics)
@@ -364,14 +364,6 @@ def _lent(name: str, key: str, source: str, known: dict[str, Any]) -> list[int]:
     return [len(settings[f"{field}_times"]) for field in FIELDS]
 
 
-def _check_method(physics: scenes.Scene) -> None:
-    """Refuse the paper's reduced models of what they do not know."""
-    try:
-        rom.check_ends(physics)
-    except ValueError as error:
-        raise ConfigError(str(error)) from None
-
-
 def _default_figures(scene: dict[str, Any], physics: scenes.Scene) -> Iterator[dict[str, Any]]:
     yield {"kind": "profile"}
     for sampling in scene["samplings"]:
@@ -419,7 +411,7 @@ def _resolved_figure(
         what = "a periodic line" if physics.ends else "evenly spaced particles"
         raise refusal(name, f"{key}.kind", kind, f"a spectrum is drawn of {what} only")
     if kind == "error":
-        _check_method(physics)
+        check_ends(name, scene)
     of_what = name if sampling is None else f"{name}, snapshots {sampling}"
     drawn = FIGURES[kind]
     return {"caption": f"{drawn.shows}: {of_what}."} | drawn.default_keys() | figure

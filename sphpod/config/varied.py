@@ -2,6 +2,7 @@
 
 from typing import Any
 
+from sphpod.config.boundary import check_ends
 from sphpod.config.reading import ConfigError, refusal
 from sphpod.config.scene_section import known_names
 from sphpod.scene import checks
@@ -16,6 +17,7 @@ def check_pairs(config: dict[str, Any]) -> None:
         if name not in config["scenes"]:
             known = ", ".join(config["scenes"])
             raise refusal(None, key, name, f"no such scene; allowed are {known}")
+        check_ends(name, config["scenes"][name])
         for sampling in samplings:
             if sampling not in (known := config["scenes"][name]["samplings"]):
                 raise refusal(None, f"{key}.{name}", sampling, known_names("sampling", known))
