@@ -276,8 +276,8 @@ class Scene(Section):
         ],
         BY_SHAPE,
     ] = left_out(
-        description="periodic, or the ends of a bar at x = 0 and at x = L, each fixed or free, "
-        "such as [fixed, free]; default periodic"
+        description="periodic, or a list of the ends of a bar, at x = 0 and at x = L, each fixed "
+        "or free; default periodic"
     )
     duration: float = Field(gt=0, description="simulated time T [s], a whole number of time steps")
     initial_velocity: Expression = Field(

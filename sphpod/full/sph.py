@@ -7,8 +7,9 @@ Both rates are taken from the old state (section 2.2):
 
 A damping or force that a scene lacks is an empty array, and costs nothing.
 
-About a free end the strain is odd, and a step in ρ, of (1 + e)² Δt Σ, breaks that by its square. So
-beyond free ends the stress is set after every step to what the bar's own says, and at them to zero.
+About a free end the strain is odd, but what a step in ρ adds to it is not: of J = ρ0/ρ at the rate
+s it makes J + Δt s + Δt² s²/(J - Δt s). So beyond free ends the stress is set after every step to
+what the bar's own says, and at them to zero.
 """
 
 import numpy as np

@@ -289,13 +289,43 @@ def test_the_exact_solution_is_the_standing_wave(boundary):
     assert np.abs(found - expected).max() < 1e-12 * 1e-3
 
 
+@pytest.mark.parametrize("boundary", [["fixed", "fixed"], ["fixed", "free"]])
+@pytest.mark.parametrize("damping", [0, 0.2])
+def test_a_bar_that_is_pushed_all_alike_moves_as_its_modes_do(boundary, damping):
+    """Each mode sin(kx) is an oscillator that its share of the force drives."""
+    scene = bar(
+        boundary, initial_velocity=0, damping=damping, force="1e-3*sin(2*t)", duration=4,
+        error_interval=0.5, particle_count=101,
+    )  # fmt: skip
+    halves = 2 * np.arange(10_000) + 1
+    number = np.pi * (halves if boundary[1] == "fixed" else halves / 2)
+    share = (4 if boundary[1] == "fixed" else 2) / number
+    # y'' + d y' + ω² y = A sin(2t) from rest: what the force keeps up, and two decaying terms.
+    steady = 1e-3 / (0.1 * number**2 - 4 + 2j * damping)
+    root = np.sqrt(damping**2 / 4 - 0.1 * number**2 + 0j)
+    rates = np.stack([-damping / 2 + root, -damping / 2 - root])
+    first = (-(2j * steady).imag + rates[1] * steady.imag) / (rates[0] - rates[1])
+    parts = np.stack([first, -steady.imag - first])
+    expected = []
+    for t in scene.error_times:
+        velocity = (2j * steady * np.exp(2j * t)).imag
+        velocity = velocity + (rates * parts * np.exp(rates * t)).sum(axis=0).real
+        expected.append(share * velocity @ np.sin(np.outer(number, scene.positions[:101])))
+    for solve, allowed in ((exact.solve, 1e-6), (reference.solve_centred, 1e-3)):
+        found = solve(scene)["velocity"][:, :101]
+        assert np.abs(found - expected).max() < allowed * np.abs(expected).max()
+
+
 # --- Refusals -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("changes", "said"),
     [
-        ({"boundary": "fixed"}, "boundary = fixed: it must be periodic, or the ends of a bar"),
+        (
+            {"boundary": "fixed"},
+            "boundary = fixed: it must be periodic, or a list of the ends of a bar",
+        ),
         ({"boundary": ["fixed"]}, "boundary = [fixed]: it must have at least 2 entries"),
         ({"boundary": ["fixed", "open"]}, "boundary.1 = open: allowed are fixed, free"),
         (
