@@ -135,7 +135,7 @@ def solve(
     if failed >= 0:
         row, particle = divmod(failed, scene.particle_count)
         model = f"the lifted full model ({integrator})"
-        raise Breakdown(scene.name, model, scene.error_times[row], particle)
+        raise Breakdown(scene.name, model, scene.error_times[row], scene.bar_particle(particle))
     return {
         "t": scene.error_times,
         "x": scene.positions,

@@ -64,7 +64,9 @@ def solve(
     failed = run(velocity, density)
     if failed >= 0:
         at = divmod(failed, scene.particle_count)
-        raise Breakdown(scene.name, "full SPH", scene.times(steps)[at[0]], at[1])
+        raise Breakdown(
+            scene.name, "full SPH", scene.times(steps)[at[0]], scene.bar_particle(at[1])
+        )
     return {
         "t": scene.times(steps),
         "x": scene.positions,

@@ -303,7 +303,7 @@ class LiftedModel:
             lengths = np.linalg.norm(strain[:last], axis=1)
         row, particle = first_broken(-1, strain, shapes, np.flatnonzero(lengths * reach >= 1))
         if row >= 0:
-            return Breakdown(scene.name, model, times[row], particle)
+            return Breakdown(scene.name, model, times[row], scene.bar_particle(particle))
         return None if finite.all() else Breakdown(scene.name, model, times[last], 0)
 
     def breakdown_between(self, state: np.ndarray, method: str) -> Breakdown | None:

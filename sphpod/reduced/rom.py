@@ -248,7 +248,9 @@ class ReducedModel:
         if row < 0:
             return None
         model = f"the {self.method} model with {len(self.velocity_modes)} modes"
-        return Breakdown(self.scene.name, model, self.scene.times(steps)[row], particle)
+        return Breakdown(
+            self.scene.name, model, self.scene.times(steps)[row], self.scene.bar_particle(particle)
+        )
 
     def _broken_between(self, steps, density_coordinates):
         """Steps between those that were kept, and the first broken of them and its particle.

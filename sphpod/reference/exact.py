@@ -182,7 +182,7 @@ def _evaluate(scene, solution, fold, name):
         at, place = fold
         beside = np.abs(x - place)
         particle = np.minimum(beside, scene.domain_length - beside).argmin()
-        raise Breakdown(scene.name, name, at, int(particle))
+        raise Breakdown(scene.name, name, at, scene.bar_particle(int(particle)))
     velocity = np.empty((times.size, x.size))
     density = np.empty_like(velocity)
     rows = max(1, min(256, BLOCK // x.size))
@@ -194,7 +194,7 @@ def _evaluate(scene, solution, fold, name):
         broken = _broken(block_velocity, strain)
         if broken.any():
             row, particle = np.argwhere(broken)[0]
-            raise Breakdown(scene.name, name, times[block][row], particle)
+            raise Breakdown(scene.name, name, times[block][row], scene.bar_particle(particle))
         velocity[block] = block_velocity
         density[block] = density0 / (1 + strain)
     return {"t": times, "x": x, "velocity": velocity, "density": density}

@@ -215,7 +215,10 @@ def _solve(scene, refinement, shift):
     if failed >= 0:
         row, particle = divmod(failed, scene.particle_count)
         raise Breakdown(
-            scene.name, "the finite-difference reference", scene.error_times[row], particle
+            scene.name,
+            "the finite-difference reference",
+            scene.error_times[row],
+            scene.bar_particle(particle),
         )
     return {"t": scene.error_times, "x": scene.positions, "velocity": velocity, "density": density}
 

@@ -119,7 +119,7 @@ class Scene:
                 raise ValueError(f"scene {name}: {key}: {error}") from None
             if ends is None or "x" not in found.variables:
                 return found
-            odd = VELOCITY if key in ("initial_velocity", "force.profile") else MATERIAL
+            odd = VELOCITY if key.startswith(("initial_velocity", "force")) else MATERIAL
             return Mirrored(found, ends, length / count, odd)
 
         def profile(key):
@@ -187,6 +187,12 @@ class Scene:
     def line_count(self, bar_count: int) -> int:
         """Number of particles of the line where the bar has so many."""
         return bar_count if self.ends is None else self.ends.copies * (bar_count - 1)
+
+    def bar_particle(self, particle: int) -> int:
+        """Number of the particle of the bar that one of the line is the image of."""
+        if self.ends is None:
+            return particle
+        return int(self.ends.images(self.particle_count, MATERIAL)[0][particle])
 
     @property
     def bar_length(self) -> float:

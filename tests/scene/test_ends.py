@@ -12,6 +12,7 @@ from sphpod.full import lifted, sph
 from sphpod.reduced import lifted_rom, rom, snapshots
 from sphpod.reduced.pod import decompose
 from sphpod.reference import chain, exact, reference
+from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.ends import KINDS, MATERIAL, STRAIN, VELOCITY, Ends
 from sphpod.scene.kernel import stencil_weights
 
@@ -229,6 +230,13 @@ def test_full_sph_of_free_ends_comes_to_the_lifted_model_with_the_step(boundary)
         full = sph.solve(scene, scene.error_steps)
         errors.append(np.abs(full["velocity"] - euler["velocity"]).max())
     assert 1.8 < errors[0] / errors[1] < 2.2
+
+
+def test_a_breakdown_is_at_a_particle_of_the_bar():
+    scene = bar(["free", "free"], initial_velocity="2*cos(pi*x)", youngs_modulus=1e-3)
+    with pytest.raises(Breakdown) as broken:
+        sph.solve(scene, scene.error_steps)
+    assert 0 <= broken.value.particle <= 40
 
 
 # --- Standing waves -------------------------------------------------------------------------------
