@@ -26,7 +26,7 @@ from sphpod.config.configuration import (
 )
 from sphpod.config.fields import SETTINGS, Name
 from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usual_sweep
-from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
+from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal, shown
 from sphpod.config.scene_section import (
     FIGURES,
     AnySampling,
@@ -353,7 +353,7 @@ def _lent(name: str, key: str, source: str, known: dict[str, Any]) -> list[int]:
         own, other = known[name].get(same), known[lender].get(same)
         if own != other:
             unsaid = {"positions": "evenly spaced", "boundary": "periodic"}
-            theirs = unsaid[same] if other is None else other
+            theirs = unsaid[same] if other is None else shown(other)
             allowed = f"modes are of the same particles only, and {same} of {lender} is {theirs}"
             raise refusal(name, key, source, allowed)
     settings = known[lender]["samplings"][sampling]

@@ -140,10 +140,14 @@ def prepare(
 
 
 def _images(scene):
-    """Particles beyond free ends, those that they are images of, and the signs of strains there."""
-    if scene.ends is None or not scene.ends.is_free:
+    """Particles beyond free ends, those that they are images of, and the signs of strains there.
+
+    None where a study takes a number of particles that leaves none on an end.
+    """
+    ends = scene.ends
+    if ends is None or not ends.is_free or scene.particle_count % ends.copies:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-    sources, signs = scene.ends.images(scene.particle_count, STRAIN)
+    sources, signs = ends.images(scene.particle_count, STRAIN)
     others = np.flatnonzero((sources != np.arange(sources.size)) | (signs == 0))
     return others, sources[others], signs[others]
 

@@ -121,7 +121,7 @@ class Ends:
         """
         intervals = count // self.copies
         number = np.arange(count)
-        signs = self.signs(odd)[number // intervals]
+        signs = self.signs(odd)[number // intervals % self.copies]
         for start, end in ((0, self.left), (intervals, self.right)):
             if end == odd:
                 signs[start :: 2 * intervals] = 0.0

@@ -130,9 +130,7 @@ class Scene:
         time = parts.get("force.time", None if parts else force)
         shape = parts.get("force.profile")
         if ends and ends.is_fixed and time is not None and shape is None:
-            shape = (
-                1  # A force that is the same all over the bar is not the same all over the line.
-            )
+            shape = 1  # All over the bar, but not all over the line.
         places = settings.get("positions", {})
         return cls(
             name=name,

@@ -12,6 +12,7 @@ from sphpod.full import lifted, sph
 from sphpod.reduced import lifted_rom, rom, snapshots
 from sphpod.reduced.pod import decompose
 from sphpod.reference import chain, exact, reference
+from sphpod.scene import resolution
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.ends import KINDS, MATERIAL, STRAIN, VELOCITY, Ends
 from sphpod.scene.kernel import stencil_weights
@@ -322,6 +323,22 @@ def test_a_bar_that_is_pushed_all_alike_moves_as_its_modes_do(boundary, damping)
     for solve, allowed in ((exact.solve, 1e-6), (reference.solve_centred, 1e-3)):
         found = solve(scene)["velocity"][:, :101]
         assert np.abs(found - expected).max() < allowed * np.abs(expected).max()
+
+
+def test_layers_of_a_bar_are_those_within_it():
+    scene = bar(["fixed", "fixed"], youngs_modulus="where(x < 0.3, 0.1, 0.2)")
+    (start, first), (jump, second) = exact.layers(scene)
+    assert (start, first, second) == (0, "c = 0.1 Pa", "c = 0.2 Pa")
+    assert jump == pytest.approx(0.3, abs=1e-9)
+
+
+def test_a_jump_of_v0_and_the_particles_it_takes_are_told_of_the_bar(caplog):
+    scene = bar(["free", "free"], initial_velocity="where(x < 0.3, 1e-3, 0)")
+    found = resolution.predict(scene)
+    assert found["velocity_jump"] == pytest.approx(-1e-3)
+    assert "at x = 0.3 m:" in caplog.text
+    resolution.predict(bar(["free", "free"], initial_velocity="1e-3*cos(45*pi*x)"))
+    assert "which 41 particles take for others: at least 47 particles are needed" in caplog.text
 
 
 # --- Refusals -------------------------------------------------------------------------------------
