@@ -174,6 +174,34 @@ def test_it_is_a_part_of_the_line_to_rounding(boundary, model):
 
 
 @pytest.mark.parametrize("boundary", PAIRS)
+def test_the_chain_of_a_bar_is_masses_and_springs_between_its_ends(boundary):
+    """Without images: half a mass at each end, which stays where it is if the end is fixed."""
+    changes = {"initial_density": "1 + x", "youngs_modulus": "0.1 + x**2", "duration": 2}
+    scene = bar(boundary, time_step=0.002, **changes)
+    found = chain.solve(scene)
+    x, spacing = scene.positions[:41], scene.spacing
+    masses = scene.density0()[:41] * spacing
+    masses[[0, -1]] /= 2
+    masses[[place for place, end in ((0, boundary[0]), (-1, boundary[1])) if end == "fixed"]] = (
+        np.inf
+    )
+    stiffness = (0.1 + ((x[1:] + x[:-1]) / 2) ** 2) / spacing
+    velocity, displacement = scene.velocity0()[:41], np.zeros(41)
+
+    def pulled():
+        tension = np.concatenate([[0], stiffness * np.diff(displacement), [0]])
+        return scene.time_step / 2 * np.diff(tension) / masses
+
+    for step in range(scene.step_count):
+        velocity = velocity + pulled()
+        displacement = displacement + scene.time_step * velocity
+        velocity = velocity + pulled()
+        if (step + 1) % scene.error_stride == 0:
+            row = (step + 1) // scene.error_stride
+            assert np.abs(found["velocity"][row, :41] - velocity).max() < 1e-12 * 1e-3
+
+
+@pytest.mark.parametrize("boundary", PAIRS)
 def test_exact_solutions_are_those_of_the_line(boundary):
     for changes in ({}, {"damping": 0.3}, {"force": {"time": "t", "profile": "cos(2*pi*x)"}}):
         if changes.get("force") and "fixed" in boundary:
