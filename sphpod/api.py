@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sphpod.bar import of_bar
 from sphpod.config import config
 from sphpod.full import lifted, sph
 from sphpod.labelled import Data, arrays_of, labelled
@@ -157,13 +158,15 @@ def take_snapshots(scene: Scene, **sampling: Any) -> "xarray.Dataset":
     return labelled(scene, taken | rounding.twins(scene, checked))
 
 
-def decompose(snapshots: Data) -> "xarray.Dataset":
+def decompose(snapshots: Data, scene: Scene | None = None) -> "xarray.Dataset":
     """POD modes of velocity and of density snapshots, for the paper's models (section 2.3).
 
     Parameters
     ----------
     snapshots : dataset
         As from `take_snapshots`; the twins may be missing.
+    scene : Scene, optional
+        Needed of a bar with ends.
 
     Returns
     -------
@@ -175,10 +178,13 @@ def decompose(snapshots: Data) -> "xarray.Dataset":
     Raises
     ------
     ValueError
-        There is no snapshot, a value is not finite, or a density not positive.
+        There is no snapshot, a value is not finite, or a density not positive; or the snapshots are
+        of a bar with ends, and its scene is not given.
     """
-    given = arrays_of(None, "snapshots", snapshots, "velocity_snapshots", "density_snapshots")
-    return labelled(None, pod.decompose(given))
+    if scene is None and (ends := getattr(snapshots, "attrs", {}).get("boundary")):
+        raise ValueError(f"snapshots of a bar with ends {ends}: its scene must be given, too")
+    given = arrays_of(scene, "snapshots", snapshots, "velocity_snapshots", "density_snapshots")
+    return labelled(scene, pod.decompose(given))
 
 
 def decompose_lifted(scene: Scene, snapshots: Data) -> "xarray.Dataset":
@@ -419,7 +425,7 @@ def plot_profile(
     from sphpod.figures import plotting
 
     arrays = arrays_of(scene, "solution", solution, *error.FIELDS)
-    return plotting.profile(arrays, list(fields), scene.domain_length)
+    return plotting.profile(of_bar(scene, arrays), list(fields), scene.bar_length)
 
 
 def plot_modes(scene: Scene, modes: Data, count: int = 12) -> "Figure":
@@ -440,7 +446,7 @@ def plot_modes(scene: Scene, modes: Data, count: int = 12) -> "Figure":
     from sphpod.figures import plotting
 
     arrays = arrays_of(scene, "modes", modes, "velocity_modes", "density_modes")
-    return plotting.modes(arrays, count, scene.domain_length)
+    return plotting.modes(of_bar(scene, arrays), count, scene.bar_length)
 
 
 def plot_errors(modes: Data, sweep: Data, errors: Data, reference: str) -> "Figure":

@@ -64,7 +64,7 @@ def report(settings: dict[str, Any]) -> list[str]:
         rows.append(
             (
                 name,
-                str(scene.particle_count),
+                str(scene.bar_count),
                 str(scene.step_count),
                 str(sizes.output_count(scene)),
                 f"{sizes.run_time(scene):.2g}",

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sphpod.bar import of_bar, of_line
 from sphpod.pipeline.dataset import VARIABLES
 from sphpod.scene.scene import Scene
 
@@ -18,9 +19,15 @@ Data = Mapping[Any, Any]
 def labelled(
     scene: Scene | None, arrays: Mapping[str, Any], attributes: Mapping[str, Any] | None = None
 ) -> "xarray.Dataset":
-    """Arrays as a dataset, with dimensions, units and meanings of `dataset.VARIABLES`."""
+    """Arrays as a dataset, with dimensions, units and meanings of `dataset.VARIABLES`.
+
+    Of a bar with ends it holds the bar alone, as files do (`sphpod.bar`).
+    """
     import xarray
 
+    named = {"scene": scene.name} if scene else {}
+    if scene and scene.ends:
+        arrays, named = of_bar(scene, arrays), {**named, "boundary": str(scene.ends)}
     variables = {}
     for name, values in arrays.items():
         meaning = VARIABLES[name]
@@ -28,7 +35,6 @@ def labelled(
         if meaning.dtype is not str:
             values = np.asarray(values, meaning.dtype)
         variables[name] = meaning.dims, values, {key: text for key, text in texts.items() if text}
-    named = {"scene": scene.name} if scene else {}
     found = xarray.Dataset(variables, attrs={**named, **(attributes or {})})
     times = {VARIABLES[name].coordinates for name in arrays} & set(arrays)
     return found.set_coords(sorted(times))
@@ -36,6 +42,8 @@ def labelled(
 
 def arrays_of(scene: Scene | None, what: str, data: Data, *needed: str) -> dict[str, np.ndarray]:
     """Arrays of a dataset by name, of the times and particles of the scene where there is one.
+
+    Of a bar with ends they are those of it and its images.
 
     Raises
     ------
@@ -53,7 +61,7 @@ def arrays_of(scene: Scene | None, what: str, data: Data, *needed: str) -> dict[
     if scene is None:
         return arrays
     for name, key, expected in (
-        ("x", "particle_count", scene.positions),
+        ("x", "particle_count", scene.positions[: scene.bar_count]),
         ("t", "error_interval", scene.error_times),
     ):
         if name in arrays and not np.array_equal(arrays[name], expected):
@@ -61,4 +69,4 @@ def arrays_of(scene: Scene | None, what: str, data: Data, *needed: str) -> dict[
                 f"scene {scene.name}: {what}: its {arrays[name].size} values of {name} are not the "
                 f"{expected.size} of the scene (see {key})"
             )
-    return arrays
+    return of_line(scene, arrays)

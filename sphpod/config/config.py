@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from sphpod.config import refusals
+from sphpod.config.boundary import check_ends
 from sphpod.config.configuration import (
     Benchmark,
     Configuration,
@@ -25,7 +26,7 @@ from sphpod.config.configuration import (
 )
 from sphpod.config.fields import SETTINGS, Name
 from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usual_sweep
-from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
+from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal, shown
 from sphpod.config.scene_section import (
     FIGURES,
     AnySampling,
@@ -35,12 +36,12 @@ from sphpod.config.scene_section import (
 )
 from sphpod.config.sizes import check_sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
+from sphpod.config.varied import check_pairs, check_variants
 from sphpod.numerics.error import FIELDS
 from sphpod.reduced import snapshots
 from sphpod.reference import exact
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
-from sphpod.studies.variants import CHANGES, OWN
 
 LARGEST_COUNTS = {"time_step": 10**9, "error_interval": 10**6}
 """How often a key may fit in the duration, so that a slip of the pen does not fill the memory."""
@@ -101,8 +102,8 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     )
     _name_figures(resolved)
     _check_benchmark(resolved)
-    _check_variants(resolved)
-    _check_pairs(resolved)
+    check_variants(resolved)
+    check_pairs(resolved)
     return resolved
 
 
@@ -116,7 +117,7 @@ def _spread_defaults(settings):
 
 
 def check_modes(
-    config: Mapping[str, Any], scene: str, sampling: str, modes: str, method: str = "original"
+    config: Mapping[str, Any], scene: str, sampling: str, modes: str, method: str = ""
 ) -> None:
     """Check mode counts that are asked for of a method, such as ``12`` or ``1-20``.
 
@@ -135,6 +136,8 @@ def check_modes(
         _check_pair(scene, sampling, settings, modes, pair, method)
         return
     split = method.startswith("lifted") and scenes.Scene.from_settings(scene, settings).translates
+    if method and not method.startswith("lifted"):
+        check_ends(scene, settings)
     check_count(scene, sampling, settings, "modes", modes, int(split))
 
 
@@ -188,6 +191,8 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
         **settings,
         "error_interval": settings.get("error_interval", error_interval(settings)),
     }
+    if scene.get("boundary") == "periodic":
+        del scene["boundary"]
     for key, largest in LARGEST_COUNTS.items():
         if scene[key] > scene["duration"]:
             most = f"it must be at most T = {checks.number(scene['duration'])}"
@@ -218,11 +223,13 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
             raise refusal(name, key, study, known_names("sampling", scene["samplings"]))
         if not snapshots.is_of_run(scene["samplings"][sampling]):
             raise refusal(name, key, study, WITHOUT_TIMES)
+        check_ends(name, scene)
         for count in study["mode_counts"]:
             check_count(name, sampling, scene, f"{key}.mode_counts", str(count))
-    figures = scene["figures"] if "figures" in scene else list(_default_figures(scene))
+    drawn = _default_figures(scene, physics)
+    figures = scene["figures"] if "figures" in scene else list(drawn)
     scene["figures"] = [
-        _resolved_figure(name, scene, f"figures.{index}", figure)
+        _resolved_figure(name, scene, f"figures.{index}", figure, physics)
         for index, figure in enumerate(figures)
     ]
     return scene
@@ -339,10 +346,14 @@ def _lent(name: str, key: str, source: str, known: dict[str, Any]) -> list[int]:
     if source not in lendable:
         allowed = f"allowed are {', '.join(lendable)}" if lendable else "there is none"
         raise refusal(name, key, source, f"no such sampling with snapshots of its own; {allowed}")
-    for same in ("domain_length", "particle_count", "positions"):
+    alike = ["domain_length", "particle_count", "positions", "boundary"]
+    if "free" in known[name].get("boundary", ()):
+        alike += ["initial_density"]  # That of strains at images, which are odd.
+    for same in alike:
         own, other = known[name].get(same), known[lender].get(same)
         if own != other:
-            theirs = "evenly spaced" if other is None else other
+            unsaid = {"positions": "evenly spaced", "boundary": "periodic"}
+            theirs = unsaid[same] if other is None else shown(other)
             allowed = f"modes are of the same particles only, and {same} of {lender} is {theirs}"
             raise refusal(name, key, source, allowed)
     settings = known[lender]["samplings"][sampling]
@@ -353,16 +364,19 @@ def _lent(name: str, key: str, source: str, known: dict[str, Any]) -> list[int]:
     return [len(settings[f"{field}_times"]) for field in FIELDS]
 
 
-def _default_figures(scene: dict[str, Any]) -> Iterator[dict[str, Any]]:
+def _default_figures(scene: dict[str, Any], physics: scenes.Scene) -> Iterator[dict[str, Any]]:
     yield {"kind": "profile"}
     for sampling in scene["samplings"]:
         yield {"kind": "modes", "sampling": sampling}
-        yield {"kind": "error", "sampling": sampling}
+        if not (physics.ends and physics.ends.is_free):
+            yield {"kind": "error", "sampling": sampling}
         if sampling in scene["acceleration"]:
             yield {"kind": "acceleration", "sampling": sampling}
 
 
-def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) -> dict[str, Any]:
+def _resolved_figure(
+    name: str, scene: dict[str, Any], key: str, figure: Any, physics: scenes.Scene
+) -> dict[str, Any]:
     kind = figure["kind"]
     sampling = figure.get("sampling")
     if sampling is not None:
@@ -370,7 +384,7 @@ def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) ->
         known = scene["acceleration" if kind == "acceleration" else "samplings"]
         if sampling not in known:
             raise refusal(name, f"{key}.sampling", sampling, known_names(what, known))
-    if kind == "phase" and exact.kind(scenes.Scene.from_settings(name, scene)) != "dalembert":
+    if kind == "phase" and exact.kind(physics) != "dalembert":
         raise refusal(
             name,
             f"{key}.kind",
@@ -393,10 +407,11 @@ def _resolved_figure(name: str, scene: dict[str, Any], key: str, figure: Any) ->
             f"it must be from two error intervals, {checks.number(2 * interval)}, to "
             f"T = {checks.number(scene['duration'])}",
         )
-    if kind == "initial_spectrum" and not scenes.Scene.from_settings(name, scene).is_even:
-        raise refusal(
-            name, f"{key}.kind", kind, "a spectrum is drawn of evenly spaced particles only"
-        )
+    if kind == "initial_spectrum" and (physics.ends or not physics.is_even):
+        what = "a periodic line" if physics.ends else "evenly spaced particles"
+        raise refusal(name, f"{key}.kind", kind, f"a spectrum is drawn of {what} only")
+    if kind == "error":
+        check_ends(name, scene)
     of_what = name if sampling is None else f"{name}, snapshots {sampling}"
     drawn = FIGURES[kind]
     return {"caption": f"{drawn.shows}: {of_what}."} | drawn.default_keys() | figure
@@ -420,43 +435,6 @@ def _check_benchmark(config: dict[str, Any]) -> None:
             most,
             f"it must be below the {particles} particles of {step_scene}",
         )
-
-
-def _check_pairs(config: dict[str, Any]) -> None:
-    """Check samplings of which both mode counts are varied."""
-    for name, samplings in config["studies"]["mode_pairs"]["samplings"].items():
-        key = "studies.mode_pairs.samplings"
-        if name not in config["scenes"]:
-            known = ", ".join(config["scenes"])
-            raise refusal(None, key, name, f"no such scene; allowed are {known}")
-        for sampling in samplings:
-            if sampling not in (known := config["scenes"][name]["samplings"]):
-                raise refusal(None, f"{key}.{name}", sampling, known_names("sampling", known))
-
-
-def _check_variants(config: dict[str, Any]) -> None:
-    """Check runs of full SPH that differ from a scene in a key or two."""
-    for name, runs in config["studies"]["variants"]["runs"].items():
-        key = "studies.variants.runs"
-        if name not in config["scenes"]:
-            known = ", ".join(config["scenes"])
-            raise refusal(None, key, name, f"no such scene; allowed are {known}")
-        for variant, changes in runs.items():
-            if variant == OWN:
-                raise refusal(None, f"{key}.{name}", OWN, "this is the name of the scene itself")
-            for change, value in changes.items():
-                if change not in CHANGES:
-                    allowed = f"unknown here; allowed are {', '.join(CHANGES)}"
-                    raise refusal(None, f"{key}.{name}.{variant}.{change}", value, allowed)
-            settings = {**config["scenes"][name], **changes}
-            if settings["particle_count"] != int(settings["particle_count"]):
-                whole = "it must be a whole number"
-                raise refusal(None, f"{key}.{name}.{variant}.particle_count", changes, whole)
-            settings["particle_count"] = int(settings["particle_count"])
-            try:
-                checks.check(scenes.Scene.from_settings(name, settings))
-            except ValueError as error:
-                raise ConfigError(f"{key}.{name}.{variant}: {error}") from error
 
 
 def distinct_names(parts: Sequence[Sequence[str]]) -> list[str]:

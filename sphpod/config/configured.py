@@ -21,8 +21,9 @@ def make_scene(name: str = "scene", **settings: Any) -> Scene:
     **settings
         domain_length [m], duration [s], initial_velocity [m/s], initial_density [kg/m³],
         youngs_modulus [Pa], particle_count, smoothing_ratio and time_step [s]; and, where the scene
-        has them, damping [1/s], force [m/s²], interface, positions and error_interval [s]. Profiles
-        are numbers or expressions in x (a force: in t) as text; docs/adding-a-scene.md has all.
+        has them, boundary, damping [1/s], force [m/s²], interface, positions and error_interval
+        [s]. Profiles are numbers or expressions in x (a force: in t) as text;
+        docs/adding-a-scene.md has all.
 
     Returns
     -------

@@ -63,6 +63,8 @@ def _sentence(schema, settings, place, kind) -> Sentence:
     if kind.startswith("union_tag") and "discriminator" in node:
         return _untagged(schema, settings, node, path, value)
     if kind == "literal_error":
+        if not choices(node):
+            return 1, path, value, f"it must be {node['description'].partition(';')[0]}"
         return 1, path, value, f"allowed are {', '.join(choices(node))}"
     if kind == "string_pattern_mismatch":
         return 1, path, value, f"allowed are {NAMES.get(node['pattern'], node['description'])}"

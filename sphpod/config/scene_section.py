@@ -52,6 +52,8 @@ ForceTerm = Annotated[
     Field(description="an expression in x, t, L and T [m/s2], or time (in t) and profile (in x)"),
 ]
 
+End = Literal["fixed", "free"]
+
 ReferenceKind = Literal["fd", "centred", "chain", "exact", "modified"]
 
 Time = Annotated[float, Field(ge=0, description="time [s]")]
@@ -268,7 +270,21 @@ class Scene(Section):
     """One simulated system, its discretisation, and what is studied and drawn of it."""
 
     section: str = Field("", description="section of the paper, as text (in quotes)")
-    domain_length: float = Field(gt=0, description="length L of the periodic domain [m]")
+    domain_length: float = Field(
+        gt=0, description="length L of the periodic domain, or of a bar with ends [m]"
+    )
+    boundary: Annotated[
+        Annotated[Literal["periodic"], Tag("<scalar>")]
+        | Annotated[
+            list[Annotated[End, Field(description="an end")]],
+            Field(min_length=2, max_length=2),
+            Tag("<list>"),
+        ],
+        BY_SHAPE,
+    ] = left_out(
+        description="periodic, or a list of the ends of a bar, at x = 0 and at x = L, each fixed "
+        "or free; default periodic"
+    )
     duration: float = Field(gt=0, description="simulated time T [s], a whole number of time steps")
     initial_velocity: Expression = Field(
         description="v0(x) [m/s], a number or an expression in x, L and T"
@@ -300,7 +316,12 @@ class Scene(Section):
         description="where particles rest: shifted at random from their even places; evenly spaced "
         "if left out"
     )
-    particle_count: int = Field(ge=5, le=100000, description="number N of particles")
+    particle_count: int = Field(
+        ge=5,
+        le=100000,
+        description="number N of particles, L/N apart, or L/(N - 1) in a bar with ends, on each of "
+        "which one stands",
+    )
     smoothing_ratio: float = Field(
         gt=0, description="smoothing length in particle spacings, alpha = h/dx (dimensionless)"
     )

@@ -40,7 +40,7 @@ def output_count(scene: Scene) -> int:
 
 def disk(scene: Scene, solutions: int) -> float:
     """Bytes of so many solutions on disk, uncompressed."""
-    return 2.0 * solutions * output_count(scene) * scene.particle_count * NUMBER
+    return 2.0 * solutions * output_count(scene) * scene.bar_count * NUMBER
 
 
 def run_time(scene: Scene) -> float:

@@ -6,6 +6,7 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import Field
 
+from sphpod.config.boundary import check_ends
 from sphpod.config.fields import ModeCount, Name, SamplingName, SceneName, Section, Unique, left_out
 from sphpod.config.mode_counts import check_count
 from sphpod.config.reading import ConfigError, refusal
@@ -120,6 +121,7 @@ def resolved_stability(
         name: timed[0]
         for name, s in known.items()
         if steady[name]
+        and "free" not in s.get("boundary", ())
         and (timed := [one for one, taken in s["samplings"].items() if is_of_run(taken)])
     }
     moving = {n: s for n, s in first.items() if _strains(scenes.Scene.from_settings(n, known[n]))}
@@ -140,6 +142,7 @@ def resolved_stability(
                 raise refusal(None, f"{key}.{name}", sampling, allowed)
             if not steady[name]:
                 raise refusal(None, key, name, STEADY)
+            check_ends(name, known[name])
             taken = known[name]["samplings"][sampling]
             if study != "stability_map" and not is_of_run(taken):
                 raise refusal(None, f"{key}.{name}", sampling, WITHOUT_TIMES)
@@ -179,6 +182,7 @@ def _check_runs(stability: Mapping[str, Any], known: Mapping[str, Any]) -> None:
                     None, f"stability.{study}.{key}", value, f"allowed are {', '.join(names)}"
                 )
         scene = scenes.Scene.from_settings(run["scene"], known[run["scene"]])
+        check_ends(run["scene"], known[run["scene"]])
         if not scene.is_conservative:
             allowed = "it must be a scene without damping and force"
             raise refusal(None, f"stability.{study}.scene", run["scene"], allowed)

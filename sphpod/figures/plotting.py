@@ -181,7 +181,8 @@ def profile(
     fields
         A panel each, from left to right: `initial_velocity`, `velocity` or `density_change`.
     length
-        Length of the periodic domain [m]; needed where particles are not evenly spaced.
+        Length of the periodic domain [m], or of a bar with ends; needed of such a bar, and where
+        particles are not evenly spaced.
     end_time
         Latest time that is shown [s]; all of them if it is not given.
     layers
@@ -237,6 +238,13 @@ def _length(x: np.ndarray) -> float:
     return float(x[-1] + x[1] - 2 * x[0])
 
 
+def _closed(x: np.ndarray, values: np.ndarray, length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Places and values (..., x) up to the length: the point there is the one at 0, or is there."""
+    if np.isclose(x[-1], length):
+        return x, values
+    return np.append(x, length), np.concatenate((values, values[..., :1]), axis=-1)
+
+
 def _unit(values: np.ndarray, unit: str) -> tuple[float, str]:
     """Power of 1000 that brings the largest value between 0.1 and 100, and the unit it leaves."""
     largest = np.abs(values).max()
@@ -264,8 +272,8 @@ def _tick(value: float, short: bool) -> str:
 def _draw_profile(axes: Axes, x: np.ndarray, velocity: np.ndarray, length: float) -> None:
     factor, unit = _unit(velocity, "m/s")
     axes.axhline(0, color=GREY, linewidth=0.6)
-    # The point at L is the one at 0.
-    axes.plot(np.append(x, length), factor * np.append(velocity, velocity[0]), color=BLUE)
+    places, velocity = _closed(x, velocity, length)
+    axes.plot(places, factor * velocity, color=BLUE)
     axes.set_ylabel(f"initial velocity v₀ [{unit}]")
     axes.yaxis.set_major_locator(MaxNLocator(6, steps=(1, 2, 5, 10)))
 
@@ -281,12 +289,13 @@ def _draw_picture(
 ) -> None:
     factor, unit = _unit(values, unit)
     x = solution["x"]
-    even = np.arange(len(x)) * (length / len(x))
+    intervals = len(x) - bool(np.isclose(x[-1], length))
+    even = np.arange(len(x)) * (length / intervals)
     if not np.allclose(x, even, rtol=0, atol=1e-9 * length):
         values = np.array([np.interp(even, x, row, period=length) for row in values])
-    values = factor * np.column_stack((values, values[:, 0]))
+    values = factor * _closed(x, values, length)[1]
     norm, colours = _colours(values)
-    half_cell = length / len(x) / 2
+    half_cell = length / intervals / 2
     duration = solution["t"][shown[-1]]
     half_step = duration / (len(values) - 1) / 2
     picture = axes.imshow(
@@ -367,7 +376,8 @@ def modes(pod: Arrays, count: int = 12, length: float | None = None, layers: Lay
     count
         Number of modes shown of each, or all there are.
     length
-        Length of the periodic domain [m]; needed where particles are not evenly spaced.
+        Length of the periodic domain [m], or of a bar with ends; needed of such a bar, and where
+        particles are not evenly spaced.
     layers
         Of a material that jumps.
     """
@@ -433,11 +443,7 @@ def _draw_modes(
         axes = figure.add_subplot(grid[row, column], xlim=(0, length), ylim=(-limit, limit))
         axes.axhline(0, color=GREY, linewidth=0.4)
         _mark_layers(axes, layers, length, named=False)
-        axes.plot(
-            np.append(x, length),
-            np.append(shape, shape[0]),
-            color=colour if is_known else GREY,
-        )
+        axes.plot(*_closed(x, shape, length), color=colour if is_known else GREY)
         ratio = f"σ{str(index + 1).translate(SUBSCRIPTS)}/σ₁ = {shortened(weight)}"
         if not index or not values[0]:
             unit = {"velocity": "m/s", "density": "kg/m³"}[field]

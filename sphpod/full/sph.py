@@ -7,12 +7,19 @@ Both rates are taken from the old state (section 2.2):
 
 A damping or force that a scene lacks is an empty array, and costs nothing; of a modulus or damping
 that does not change with time there are no factors.
+
+About a free end the strain is odd, but what a step in ρ adds to it is not: of J = ρ0/ρ at the rate
+s it makes J + Δt s + Δt² s²/(J - Δt s). So beyond free ends the stress is set after every step to
+what the bar's own says, and at them to zero.
+
+Long, as kernels for all arrangements of particles stand beside each other.
 """
 
 import numpy as np
 
 from sphpod.numerics.compiled import compiled
 from sphpod.scene.breakdown import Breakdown
+from sphpod.scene.ends import STRAIN
 from sphpod.scene.kernel import stencil_weights
 from sphpod.scene.scene import Scene
 
@@ -60,7 +67,9 @@ def solve(
     failed = run(velocity, density)
     if failed >= 0:
         at = divmod(failed, scene.particle_count)
-        raise Breakdown(scene.name, "full SPH", scene.times(steps)[at[0]], at[1])
+        raise Breakdown(
+            scene.name, "full SPH", scene.times(steps)[at[0]], scene.bar_particle(at[1])
+        )
     return {
         "t": scene.times(steps),
         "x": scene.positions,
@@ -120,6 +129,7 @@ def prepare(
         march = march_stencil
 
     pace = fastest_change(scene, dt, largest_force(amplitudes, profiles), factor=2)
+    geometry = *geometry, *_images(scene)
     velocity0 = np.pad(velocity_now, ghosts, mode="wrap")
     stress0 = np.pad(modulus * (1 - density0 / density_now), ghosts, mode="wrap")
 
@@ -176,6 +186,19 @@ def largest_force(amplitudes: np.ndarray, profiles: np.ndarray) -> float:
         return 0.0
     with np.errstate(over="ignore", invalid="ignore"):
         return float((np.abs(amplitudes).T @ np.abs(profiles).max(axis=1)).max())
+
+
+def _images(scene):
+    """Particles beyond free ends, those that they are images of, and the signs of strains there.
+
+    None where a study takes a number of particles that leaves none on an end.
+    """
+    ends = scene.ends
+    if ends is None or not ends.is_free or scene.particle_count % ends.copies:
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    sources, signs = ends.images(scene.particle_count, STRAIN)
+    others = np.flatnonzero((sources != np.arange(sources.size)) | (signs == 0))
+    return others, sources[others], signs[others]
 
 
 def fastest_change(
@@ -307,6 +330,17 @@ def restress(stress, rho, modulus, load, density0, changes, step):
 
 
 @compiled
+def reflect(stress, rho, material, images):
+    """Stress and density of mirror images, and of free ends, from the bar's stress, no ghosts."""
+    _, modulus, load = material
+    others, sources, signs = images
+    for n in range(others.size):
+        i = others[n]
+        stress[i] = signs[n] * stress[sources[n]]
+        rho[i] = load[i] / (modulus[i] - stress[i])
+
+
+@compiled
 def advance_two(v, new_v, stress, new_stress, rho, material, weights):
     """One step for two neighbours on each side: all reads of the old state, one division."""
     inertia, modulus, load = material
@@ -361,14 +395,15 @@ def march_stencil(state, material, forces, changes, geometry, schedule, kept):
     """Evenly spaced particles.
 
     ``state`` holds velocity and stress, old and new, with ghosts, and the density; ``changes``
-    those of the modulus, ρ0, and those of the damping; ``schedule`` the first step, those after
-    which the state is kept, whether it is looked at, and `fastest_change`.
+    those of the modulus, ρ0, and those of the damping; ``geometry`` the weights of neighbours, and
+    particles that are set as `reflect` does; ``schedule`` the first step, those after which the
+    state is kept, whether it is looked at, and `fastest_change`.
     """
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
     modulus, load, damping = material[1], material[2], forces[0]
     stiffening, density0, slowing = changes
-    (weights,) = geometry
+    weights, images = geometry[0], (geometry[1], geometry[2], geometry[3])
     first_step, steps, watch, pace = schedule
     velocity, density = kept
     width = weights.size
@@ -396,6 +431,8 @@ def march_stencil(state, material, forces, changes, geometry, schedule, kept):
                 act(new_v[inner], v[inner], forces, step)
             if stiffening[0].size:
                 restress(new_stress[inner], rho, modulus, load, density0, stiffening, step + 1)
+            if images[0].size:
+                reflect(new_stress[inner], rho, material, images)
             wrap(new_v, width)
             wrap(new_stress, width)
             v, new_v = new_v, v
@@ -434,6 +471,7 @@ def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
 @compiled
 def march_lists(state, material, forces, changes, geometry, schedule, kept):
     """Any arrangement of particles, as `march_stencil` without ghosts."""
+    lists, images = (geometry[0], geometry[1], geometry[2]), (geometry[3], geometry[4], geometry[5])
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
     modulus, load, damping = material[1], material[2], forces[0]
@@ -451,13 +489,15 @@ def march_lists(state, material, forces, changes, geometry, schedule, kept):
     done = first_step
     for row in range(steps.size):
         for step in range(done, steps[row]):
-            advance_lists(v, new_v, stress, new_stress, rho, material, geometry)
+            advance_lists(v, new_v, stress, new_stress, rho, material, lists)
             if slowing[0].size:
                 change(damping, slowing, step)
             if acted:
                 act(new_v, v, forces, step)
             if stiffening[0].size:
                 restress(new_stress, rho, modulus, load, density0, stiffening, step + 1)
+            if images[0].size:
+                reflect(new_stress, rho, material, images)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
             if step + 1 >= next_look:

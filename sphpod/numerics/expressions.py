@@ -315,6 +315,10 @@ class Expression:
             raise self._error(f"it cannot be evaluated ({reason})") from error
         return result
 
+    def rewritten(self, text: str) -> "Expression":
+        """Another expression in the same names."""
+        return Expression(text, self.variables, self.constants)
+
     def shifted(self, by: float) -> "Expression":
         """The expression that gives at t what this one gives at t + ``by``."""
         later = ast.BinOp(ast.Name("t", ast.Load()), ast.Add(), ast.Constant(float(by)))

@@ -61,6 +61,21 @@ def freeze_steps(method: str) -> int:
     return int(match[1])
 
 
+def check_ends(scene: Scene) -> None:
+    """Refuse free ends, whose strain is odd, but not the density that these models step.
+
+    Raises
+    ------
+    ValueError
+    """
+    if scene.ends and scene.ends.is_free:
+        raise ValueError(
+            f"scene {scene.name}: boundary = {scene.ends}: the original, linearized and frozen "
+            "models step the density, of which a free end is no symmetry; allowed are fixed ends, "
+            "or the methods lifted_euler and lifted_exact"
+        )
+
+
 @dataclass(frozen=True)
 class ReducedModel:
     """A scene projected on modes, ready to run.
@@ -269,7 +284,9 @@ class ReducedModel:
         if row < 0:
             return None
         model = f"the {self.method} model with {len(self.velocity_modes)} modes"
-        return Breakdown(self.scene.name, model, self.scene.times(steps)[row], particle)
+        return Breakdown(
+            self.scene.name, model, self.scene.times(steps)[row], self.scene.bar_particle(particle)
+        )
 
     def _broken_between(self, steps, density_coordinates):
         """Steps between those that were kept, and the first broken of them and its particle.
@@ -553,6 +570,7 @@ def model(
     level: int = logging.WARNING,
 ) -> ReducedModel:
     """Model with so many modes for velocity and density each, or all, as the log reports."""
+    check_ends(scene)
     velocity_modes, density_modes = (modes[f"{field}_modes"] for field in FIELDS)
     if min(len(velocity_modes), len(density_modes)) < count:
         logger.log(

@@ -154,11 +154,11 @@ def own(scene: Scene, sampling: Mapping[str, Any]) -> dict[str, np.ndarray]:
             if missing := [name for name in names if name not in file.variables]:
                 raise ValueError(f"it holds {', '.join(file.variables)}, but not {missing[0]}")
             values, times = (np.ma.filled(file[name][...].astype(float), np.nan) for name in names)
-            if values.shape != (times.size, scene.particle_count) or not times.size:
+            if values.shape != (times.size, scene.bar_count) or not times.size:
                 raise ValueError(
                     f"{names[0]} is of shape {values.shape}; needed is one row for each of the "
                     f"{times.size} values of {names[1]} and a column for each of the "
-                    f"{scene.particle_count} particles"
+                    f"{scene.bar_count} particles"
                 )
             if not np.isfinite(values).all() or (field == "density" and values.min() <= 0):
                 kind = "finite and positive" if field == "density" else "finite"

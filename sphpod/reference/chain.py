@@ -63,7 +63,7 @@ def solve(scene: Scene) -> dict[str, np.ndarray]:
     failed = march(state, chain, changes, (dt, spacing, steps), kept)
     if failed >= 0:
         row, mass = divmod(failed, x.size)
-        raise Breakdown(scene.name, "the chain", scene.error_times[row], mass)
+        raise Breakdown(scene.name, "the chain", scene.error_times[row], scene.bar_particle(mass))
     velocity, stretch = kept
     density = density0 / (1 + stretch)
     return {"t": scene.error_times, "x": x, "velocity": velocity, "density": density}

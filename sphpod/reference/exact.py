@@ -107,7 +107,11 @@ def layers(scene: Scene) -> list[tuple[float, str]]:
         if not _uniform(values)
     ]
     names = [", ".join(parts) for parts in zip(*differing, strict=True)]
-    return sorted(zip((left % scene.domain_length).tolist(), names, strict=True))
+    found = sorted(zip((left % scene.domain_length).tolist(), names, strict=True))
+    if scene.ends is None:
+        return found
+    within = [(start, name) for start, name in found if start < scene.bar_length]
+    return [(0.0, found[-1][1]), *within]
 
 
 def solve(scene: Scene) -> dict[str, np.ndarray]:
@@ -181,7 +185,7 @@ def _evaluate(scene, solution, fold, name):
         at, place = fold
         beside = np.abs(x - place)
         particle = np.minimum(beside, scene.domain_length - beside).argmin()
-        raise Breakdown(scene.name, name, at, int(particle))
+        raise Breakdown(scene.name, name, at, scene.bar_particle(int(particle)))
     velocity = np.empty((times.size, x.size))
     density = np.empty_like(velocity)
     rows = max(1, min(256, BLOCK // x.size))
@@ -193,7 +197,7 @@ def _evaluate(scene, solution, fold, name):
         broken = _broken(block_velocity, strain)
         if broken.any():
             row, particle = np.argwhere(broken)[0]
-            raise Breakdown(scene.name, name, times[block][row], particle)
+            raise Breakdown(scene.name, name, times[block][row], scene.bar_particle(particle))
         velocity[block] = block_velocity
         density[block] = density0 / (1 + strain)
     return {"t": times, "x": x, "velocity": velocity, "density": density}

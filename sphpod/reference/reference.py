@@ -28,10 +28,9 @@ from sphpod.full.sph import SOUND, UNCHANGING, Changes, change, largest_force, s
 from sphpod.numerics.compiled import compiled
 from sphpod.numerics.course import POINTS, WEIGHTS
 from sphpod.numerics.error import FIELDS
-from sphpod.numerics.expressions import Expression
 from sphpod.numerics.separation import Products, Separated
 from sphpod.scene.breakdown import Breakdown
-from sphpod.scene.scene import ABSENT, IN_X_AND_T, NO_FORCE, Scene
+from sphpod.scene.scene import ABSENT, NO_FORCE, Scene
 
 logger = logging.getLogger(__name__)
 
@@ -239,7 +238,10 @@ def _solve(scene, refinement, shift):
     if failed >= 0:
         row, particle = divmod(failed, scene.particle_count)
         raise Breakdown(
-            scene.name, "the finite-difference reference", scene.error_times[row], particle
+            scene.name,
+            "the finite-difference reference",
+            scene.error_times[row],
+            scene.bar_particle(particle),
         )
     return {"t": scene.error_times, "x": scene.positions, "velocity": velocity, "density": density}
 
@@ -259,7 +261,7 @@ def _compliance(scene) -> Coefficient:
     modulus = scene.youngs_modulus
     if scene.changing("youngs_modulus") is None:
         return lambda x: 1 / modulus(x=x)
-    return scene.separated(Expression(f"1/({modulus.text})", IN_X_AND_T, modulus.constants))
+    return scene.separated(modulus.rewritten(f"1/({modulus.text})"))
 
 
 def _terms(coefficient, seen):

@@ -6,6 +6,7 @@ from sphpod.numerics.course import Course
 from sphpod.numerics.enclosure import enclose
 from sphpod.numerics.expressions import Expression
 from sphpod.numerics.separation import instants
+from sphpod.scene.ends import VELOCITY
 from sphpod.scene.kernel import derivative_coefficient, neighbour_count
 from sphpod.scene.scene import Scene, force_keys, is_whole
 from sphpod.scene.waves import GROWTH_LIMIT, growth_factor, largest_time_step
@@ -27,6 +28,9 @@ LOOKED_AT = 4096, 512
 
 MOST_PAIRS = {True: 100_000_000, False: 5_000_000}
 """Neighbours on one side of all particles together: evenly spaced ones, and others."""
+
+AT_REST = 1e-9
+"""Part of the largest velocity that one at a fixed end may be, as formulas round."""
 
 MOST_TERMS = 25_000_000
 """Terms of the sums of a profile at all particles together, or of a force at all times."""
@@ -65,9 +69,11 @@ def check_setting(scene: Scene) -> None:
 
     _check_times(scene, refuse)
     _check_particles(scene, refuse)
+    _check_ends(scene, refuse)
     _check_work(scene, refuse)
     parts = max(1, min(POINTS[0], POINTS[1] // scene.particle_count))
-    fine = np.arange(parts * scene.particle_count) * (scene.spacing / parts)
+    count = parts * (scene.bar_count - 1) + 1 if scene.ends else parts * scene.particle_count
+    fine = np.arange(count) * (scene.spacing / parts)
     _check_profiles(scene, fine, refuse)
     _check_force(scene, fine, refuse)
 
@@ -139,6 +145,28 @@ def _check_particles(scene, refuse):
             f"of jittered particles the kernel's support of 4h must fit into the domain; "
             f"at most {count / 4:g} is possible",
         )
+
+
+def _check_ends(scene, refuse):
+    """Refuse ends that are fixed and move at the start, and particles that have no images."""
+    if scene.ends is None:
+        return
+    if not scene.is_even:
+        refuse("boundary", scene.ends, "a bar with ends has evenly spaced particles only")
+    velocity = scene.initial_velocity.expression
+    x = scene.positions[: scene.bar_count]
+    walls = zip(
+        (scene.ends.left, scene.ends.right), velocity(x=x[[0, -1]]), x[[0, -1]], strict=True
+    )
+    largest = np.abs(velocity(x=x)).max()
+    for end, there, place in walls:
+        if end == VELOCITY and abs(there) > AT_REST * largest:
+            refuse(
+                "initial_velocity",
+                velocity.text,
+                f"it is {there:g} at x = {place:g}, an end that is fixed (boundary = "
+                f"{scene.ends}); it must be 0 there",
+            )
 
 
 def _check_profiles(scene, fine, refuse):

@@ -151,6 +151,7 @@ def predict(scene: Scene) -> dict[str, float]:
         found = jumps(
             lambda x: scene.initial_velocity(x=x) / largest, length, points, REPORTED_JUMP
         )
+    found = [(place, jump) for place, jump in found if place <= scene.bar_length]
     place, jump = max(found, key=lambda each: abs(each[1]), default=(0.0, 0.0))
     if found:
         part, _ = unresolved(lambda x: scene.initial_velocity(x=x), length, count)
@@ -199,6 +200,8 @@ def _told(scene, key, expression, smoothed=0, allowed=REPORTED_ENERGY):
         for count in (checked, checked * 4 // 3):
             missed, more = missed_by(count)
             enough = max(enough, more if missed > allowed else 0)
+    if scene.ends:
+        enough = -(-enough // scene.ends.copies) + 1
     advice = (
         f"at least {enough} particles are needed"
         if enough < MOST_PARTICLES
@@ -207,7 +210,7 @@ def _told(scene, key, expression, smoothed=0, allowed=REPORTED_ENERGY):
     logger.warning(
         "scene %s: %s = %s: of the energy of its waves %.3g %% are in waves of two spacings or "
         "less, which %d particles take for others: %s",
-        scene.name, key, expression.text, 100 * part, scene.particle_count, advice,
+        scene.name, key, expression.text, 100 * part, scene.bar_count, advice,
     )  # fmt: skip
     return part
 

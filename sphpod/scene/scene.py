@@ -1,4 +1,7 @@
-"""What is simulated: domain, initial state, material, damping, force, and discretisation."""
+"""What is simulated: domain, initial state, material, damping, force, and discretisation.
+
+Long, as all that models ask of a scene is here.
+"""
 
 import logging
 from dataclasses import dataclass, replace
@@ -11,13 +14,15 @@ import numpy as np
 from sphpod.numerics.course import Course
 from sphpod.numerics.error import blocks
 from sphpod.numerics.expressions import Expression
-from sphpod.numerics.separation import Products, Separated, instants, separate
+from sphpod.numerics.separation import Folded, Products, Separated, instants, separate
+from sphpod.scene.ends import MATERIAL, VELOCITY, Ends, Mirrored
 from sphpod.scene.kernel import derivative, neighbour_lists, stencil_weights
 
 logger = logging.getLogger(__name__)
 
 PHYSICS_KEYS = (
     "domain_length",
+    "boundary",
     "duration",
     "initial_velocity",
     "initial_density",
@@ -41,6 +46,9 @@ IN_X, IN_T, IN_X_AND_T = ("x",), ("t",), ("x", "t")
 
 MOST_STEPS = 10**15
 """Time steps up to which a time is a whole number of them."""
+
+MOST_JUMPED = 8
+"""Terms of a force up to which models that are exact in time jump from output to output."""
 
 ABSENT = np.zeros(0)
 """Stands for a damping that a scene does not have."""
@@ -108,6 +116,10 @@ class Scene:
         Largest distance, in spacings, of a particle at rest from its place in an evenly spaced row,
         drawn at random from this seed; the row as a whole is shifted for the first particle to be
         at 0. Zero if the particles are evenly spaced.
+    ends : Ends or None
+        Those of a bar, of which the chain then is the bar and its mirror images, all of a period:
+        domain_length, particle_count and the expressions are those of the line. None of what is
+        periodic itself.
     """
 
     name: str
@@ -125,6 +137,7 @@ class Scene:
     forces: tuple[Products | Expression, ...] = ()
     jitter: float = 0.0
     seed: int = 0
+    ends: Ends | None = None
 
     @classmethod
     def from_settings(cls, name: str, settings: dict[str, Any]) -> "Scene":
@@ -139,38 +152,42 @@ class Scene:
         duration = whole_time(float(settings["duration"]), step)
         interval = whole_time(float(settings.get("error_interval", duration / 10000)), step)
         constants = {"L": float(settings["domain_length"]), "T": duration}
+        length, count = constants["L"], settings["particle_count"]
+        ends = Ends.of(settings)
+        if ends:
+            length, count = ends.copies * length, ends.copies * (count - 1)
 
         def expression(key, text, *allowed):
             """The formula in the first set of variables that has all its own."""
             for variables in allowed:
                 try:
-                    return Expression(text, variables, constants)
+                    found = Expression(text, variables, constants)
+                    break
                 except ValueError as error:
                     refusal = error
-            raise ValueError(f"scene {name}: {key}: {refusal}") from None
+            else:
+                raise ValueError(f"scene {name}: {key}: {refusal}") from None
+            if ends is None or "x" not in found.variables:
+                return found
+            odd = VELOCITY if key.startswith(("initial_velocity", "force")) else MATERIAL
+            return Mirrored(found, ends, length / count, odd)
 
         def profile(key, *allowed):
             return expression(key, settings[key], *allowed) if key in settings else None
 
-        def force(key, term):
-            if isinstance(term, dict):
-                factor = expression(f"{key}.time", term["time"], IN_T)
-                shape = expression(f"{key}.profile", term["profile"], IN_X)
-                return Products((factor,), (shape,))
-            found = expression(key, term, IN_T, IN_X_AND_T)
-            return found if found.variables == IN_X_AND_T else Products((found,), (None,))
-
+        # What is alike all over a bar is not so all over its images beyond a fixed end.
+        alike = expression("force", 1, IN_X) if ends and ends.is_fixed else None
         given = settings.get("force", [])
         if isinstance(given, list):
-            forces = tuple(force(f"force.{n}", term) for n, term in enumerate(given))
+            forces = [_term(f"force.{n}", term, expression, alike) for n, term in enumerate(given)]
         else:
-            forces = (force("force", given),)
+            forces = [_term("force", given, expression, alike)]
         places = settings.get("positions", {})
         return cls(
             name=name,
-            domain_length=float(settings["domain_length"]),
+            domain_length=length,
             duration=duration,
-            particle_count=settings["particle_count"],
+            particle_count=count,
             smoothing_ratio=float(settings["smoothing_ratio"]),
             time_step=step,
             error_interval=interval,
@@ -179,9 +196,10 @@ class Scene:
             initial_density=profile("initial_density", IN_X),
             youngs_modulus=profile("youngs_modulus", IN_X, IN_X_AND_T),
             damping=profile("damping", IN_X, IN_X_AND_T),
-            forces=forces,
+            forces=tuple(forces),
             jitter=float(places.get("jitter", 0.0)),
             seed=places.get("seed", 0),
+            ends=ends,
         )
 
     @property
@@ -206,6 +224,28 @@ class Scene:
         return even + self.jitter * self.spacing * (offsets - offsets[0])
 
     @property
+    def bar_count(self) -> int:
+        """Number of particles of the bar itself, which are the first; all of a periodic line."""
+        if self.ends is None:
+            return self.particle_count
+        return self.particle_count // self.ends.copies + 1
+
+    def line_count(self, bar_count: int) -> int:
+        """Number of particles of the line where the bar has so many."""
+        return bar_count if self.ends is None else self.ends.copies * (bar_count - 1)
+
+    def bar_particle(self, particle: int) -> int:
+        """Number of the particle of the bar that one of the line is the image of."""
+        if self.ends is None:
+            return particle
+        return int(self.ends.images(self.particle_count, MATERIAL)[0][particle])
+
+    @property
+    def bar_length(self) -> float:
+        """Length L of the bar itself [m]; the period of a periodic line."""
+        return self.domain_length if self.ends is None else self.ends.length
+
+    @property
     def is_even(self) -> bool:
         """Whether the particles are evenly spaced, so that all see the same neighbourhood."""
         return self.jitter == 0
@@ -214,6 +254,16 @@ class Scene:
     def is_conservative(self) -> bool:
         """Whether nothing damps or pushes the waves, so that they keep their energy."""
         return self.is_steady and not self.forces and not self.damping_values().size
+
+    @property
+    def is_stepped(self) -> bool:
+        """Whether models that are exact in time are stepped: none jumps from output to output.
+
+        So it is where coefficients change with time, and where the force has so many terms that
+        what each does from output to output costs more than the steps.
+        """
+        terms = sum(len(term.factors) for term in self.force_terms)
+        return not self.is_steady or terms > MOST_JUMPED
 
     @property
     def is_steady(self) -> bool:
@@ -225,9 +275,9 @@ class Scene:
         """Whether translation takes part: there is momentum, a force, or a damping that varies.
 
         Only evenly spaced particles can be translated without being strained: of others translation
-        is a motion like any other, as Σ_j V_j ∇W_ij is not zero.
+        is a motion like any other, as Σ_j V_j ∇W_ij is not zero. What is fixed is not translated.
         """
-        if not self.is_even:
+        if not self.is_even or (self.ends and self.ends.is_fixed):
             return False
         if self.forces or self.changing("damping") is not None:
             return True
@@ -291,6 +341,9 @@ class Scene:
 
     def separated(self, expression: Expression) -> Separated:
         """A function of x and t as a sum of products, at the particles."""
+        if isinstance(expression, Mirrored):
+            inner, places = expression.expression, self.positions[: self.bar_count]
+            return Folded(separate(inner, self.duration, places), expression.fold)
         return separate(expression, self.duration, self.positions)
 
     def modulus(self) -> np.ndarray:
@@ -400,6 +453,15 @@ class Scene:
         if self.is_even:
             return derivative(fields, stencil_weights(self.spacing, self.smoothing_ratio))
         return (derivative_matrix(self) @ fields.T).T
+
+
+def _term(key, given, expression, alike):
+    """Term of a force as a key of the configuration gives it; ``alike`` is the profile 1."""
+    if isinstance(given, dict):
+        factor = expression(f"{key}.time", given["time"], IN_T)
+        return Products((factor,), (expression(f"{key}.profile", given["profile"], IN_X),))
+    found = expression(key, given, IN_T, IN_X_AND_T)
+    return found if found.variables == IN_X_AND_T else Products((found,), (alike,))
 
 
 def force_keys(scene: Scene) -> list[str]:

@@ -27,7 +27,6 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS, project
-from sphpod.numerics.expressions import Expression
 from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import lifted_rom, pod
 from sphpod.reduced.rom import ReducedModel
@@ -184,8 +183,7 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
 def scaled(scene: Scene, factor: float) -> Scene:
     """The scene with its initial velocity times a factor."""
     given = scene.initial_velocity
-    text = f"{float(factor)!r}*({given.text})"
-    return replace(scene, initial_velocity=Expression(text, given.variables, given.constants))
+    return replace(scene, initial_velocity=given.rewritten(f"{float(factor)!r}*({given.text})"))
 
 
 def folding_amplitude(scene: Scene, steps: np.ndarray) -> float:

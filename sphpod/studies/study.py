@@ -181,10 +181,11 @@ def scenes(config: Mapping[str, Any], needs: Need | tuple[()] = ()) -> list[Plac
 
 
 def samplings(config: Mapping[str, Any], first: bool = False) -> list[Place]:
-    """All samplings of all scenes, or the first of each."""
+    """All samplings of all scenes that the paper's models know, or the first of each."""
     return [
         (name, sampling)
         for name, scene in config["scenes"].items()
+        if "free" not in scene.get("boundary", ())
         for sampling in list(scene["samplings"])[: 1 if first else None]
     ]
 

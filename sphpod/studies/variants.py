@@ -44,13 +44,13 @@ def measure(scene: Scene, runs: Mapping[str, Mapping[str, float]]) -> dict[str, 
     errors = np.array([_errors(case) for case in cases.values()])
     return {
         "variant": np.array(list(cases)),
-        "variant_particle_count": np.array([case.particle_count for case in cases.values()]),
+        "variant_particle_count": np.array([case.bar_count for case in cases.values()]),
         "variant_smoothing_ratio": np.array([case.smoothing_ratio for case in cases.values()]),
     } | {f"variant_{field}_error": errors[:, n] for n, field in enumerate(FIELDS)}
 
 
 def _changed(scene, changes):
-    particles = int(changes.get("particle_count", scene.particle_count))
+    particles = scene.line_count(int(changes.get("particle_count", scene.bar_count)))
     ratio = float(changes.get("smoothing_ratio", scene.smoothing_ratio))
     step = float(changes.get("time_step", scene.time_step))
     return replace(scene, particle_count=particles, smoothing_ratio=ratio, time_step=step)

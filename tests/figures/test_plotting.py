@@ -316,6 +316,17 @@ def test_profile_panels() -> None:
     assert high == -low == np.abs(pixels(picture)).max()
 
 
+def test_profile_of_a_bar_ends_at_its_last_particle() -> None:
+    drawn = solution()
+    drawn["x"] = np.linspace(0, 1, drawn["x"].size)
+    line, picture, _ = plotting.profile(drawn, length=1.0).axes
+    (curve,) = curves(line, plotting.BLUE)
+    assert np.array_equal(x_of(curve), drawn["x"])
+    assert pixels(picture).shape[1] == drawn["x"].size
+    half = 0.5 / (drawn["x"].size - 1)
+    assert np.allclose(picture.images[0].get_extent()[:2], (-half, 1 + half))
+
+
 def test_profile_of_a_fading_field_has_a_compressed_scale() -> None:
     velocity, density, *bars = plotting.profile(solution(2.0), ["velocity", "density_change"]).axes
     assert [bar.get_ylabel() for bar in bars] == [

@@ -2,6 +2,7 @@
 
 import inspect
 
+from sphpod import bar
 from sphpod.pipeline import dataset, job
 from sphpod.scene.scene import Scene
 from sphpod.studies import study
@@ -16,21 +17,27 @@ if __name__ == "__main__":
         from sphpod.studies import timing
 
         settings["machine"] = timing.machine()
-    read = dataset.read if params.all_times else dataset.read_samples
+    scene = Scene.from_settings(place["scene"], params.physics)
+    reader = dataset.read if params.all_times else dataset.read_samples
+
+    def read(path):
+        return bar.of_line(scene, reader(path))
+
     inputs = {
         name: read(files) if isinstance(files, str) else list(map(read, files))
         for name, files in snakemake.input.items()
     }
     function = study.function(params.compute)
     if "scene" in inspect.signature(function).parameters:
-        inputs["scene"] = Scene.from_settings(place["scene"], params.physics)
+        inputs["scene"] = scene
     meaning = inspect.getdoc(function).partition("\n")[0].rstrip(".")
+    variables = study.variables(params.compute)
     dataset.write(
         snakemake.output[0],
-        function(**inputs, **params.arguments),
+        bar.of_bar(scene, function(**inputs, **params.arguments), variables),
         title=f"{', '.join(place.values())}: {meaning}",
         settings=settings,
         code=params.code,
         job=given,
-        variables=study.variables(params.compute),
+        variables=variables,
     )

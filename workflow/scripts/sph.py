@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from sphpod import bar
 from sphpod.full import sph
 from sphpod.pipeline import dataset, job
 from sphpod.scene import resolution, waves
@@ -15,7 +16,10 @@ if __name__ == "__main__":
     predicted = waves.predict(scene) | resolution.predict(scene)
     dataset.write(
         snakemake.output[0],
-        sph.solve(scene, steps) | {"error_sample": np.isin(steps, scene.error_steps)},
+        {
+            **bar.of_bar(scene, sph.solve(scene, steps)),
+            "error_sample": np.isin(steps, scene.error_steps),
+        },
         title=f"Full SPH of {name}",
         settings={"scene": name, **physics},
         code=snakemake.params.code,
