@@ -91,11 +91,11 @@ def draw(pairs: Arrays) -> "Figure":
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-    from sphpod.figures.plotting import BLACK, GREY, HALF_WIDTH, STYLE, shortened
+    from sphpod.figures.plotting import BLACK, GREY, COLUMN_WIDTH, STYLE, shortened
 
     ratio = np.maximum(pairs["pair_velocity_ratio"], pairs["pair_density_ratio"])
     with matplotlib.style.context(["default", STYLE]):
-        figure = Figure(figsize=(HALF_WIDTH, 2.6), layout="constrained")
+        figure = Figure(figsize=(COLUMN_WIDTH, 2.6), layout="constrained")
         axes = figure.subplots()
         axes.set_facecolor(GREY)
         sizes = ratio[np.isfinite(ratio) & (ratio > 0)]

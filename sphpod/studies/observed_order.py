@@ -268,8 +268,8 @@ def draw(tables: Mapping[tuple[str, ...], Fields]) -> "Figure":
     def drawn():
         looks = stability_plots.scene_looks(tables)
         labels = list(dict.fromkeys(one for arrays in tables.values() for one in _known(arrays)))
-        height = 0.9 + 0.22 * len(labels)
-        figure = Figure(figsize=(plotting.PAGE_WIDTH, height), layout="constrained")
+        height = 1.2 + 0.22 * len(labels)
+        figure = Figure(figsize=(plotting.COLUMN_WIDTH, height), layout="constrained")
         panels = figure.subplots(1, 2, sharey=True)
         for axes, field in zip(panels, FIELDS, strict=True):
             for number, ((scene, *_), arrays) in enumerate(tables.items()):
@@ -286,7 +286,7 @@ def draw(tables: Mapping[tuple[str, ...], Fields]) -> "Figure":
                 axes.axhline(place - 0.5, color=plotting.PALE, linewidth=0.5)
         panels[0].set_yticks(range(len(labels)), labels)
         panels[0].set_ylim(len(labels) - 0.5, -0.5)
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
         return figure
 
     return drawn()

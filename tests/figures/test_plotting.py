@@ -253,8 +253,9 @@ def test_nothing_overlaps_and_no_panel_is_empty(name: str) -> None:
 @pytest.mark.parametrize("name", FIGURES)
 def test_text_has_print_size(name: str) -> None:
     figure = FIGURES[name]()
-    assert figure.get_figwidth() in (plotting.PAGE_WIDTH, plotting.HALF_WIDTH)
-    assert {text.get_fontsize() for text in visible_texts(figure)} <= {7, 8, 12}
+    assert figure.get_figwidth() == plotting.COLUMN_WIDTH
+    assert figure.get_figheight() < 9
+    assert {text.get_fontsize() for text in visible_texts(figure)} <= {6, 7, 8, 12}
 
 
 @pytest.mark.parametrize("name", ["profile", "error", "work_precision"])
@@ -368,7 +369,7 @@ def test_error_panels() -> None:
         f"{symbol}, {comparison}"
         for symbol in "vρ"
         for comparison in ("POD against SPH", "POD against reference", "SPH against reference")
-    ] + ["k = 6: POD errors below those of SPH"]
+    ] + ["k = 6: POD error below SPH's"]
     assert left.get_xticks().tolist() == [1, 10, 20, 30]
     assert right.get_xticks().tolist() == [1, 5, 10, 15, 20]
     # SPH against the reference asked for, as a level line.
@@ -385,9 +386,9 @@ def test_the_threshold_is_marked_where_both_errors_are_below_those_of_sph() -> N
     works = (found["velocity_error_sph"] < 0.06) & (found["density_error_sph"] < 4e-4)
     k = found["mode_count"][works][0]
     right = plotting.error(pod(), found, errors(), "fd").axes[1]
-    assert x_of(curves(right, plotting.DIM)[0])[0] == k
+    assert x_of(curves(right, plotting.GREEN)[0])[0] == k
     none = {**found, "density_error_sph": np.ones(20)}
-    assert not curves(plotting.error(pod(), none, errors(), "fd").axes[1], plotting.DIM)
+    assert not curves(plotting.error(pod(), none, errors(), "fd").axes[1], plotting.GREEN)
 
 
 def test_singular_values_beyond_the_thirtieth_stand_in_an_inset() -> None:

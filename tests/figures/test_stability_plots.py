@@ -286,9 +286,9 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 def test_nothing_overlaps_and_text_has_print_size(name: str) -> None:
     figure = FIGURES[name]()
     check_layout(figure)
-    assert figure.get_figwidth() == plotting.PAGE_WIDTH
+    assert figure.get_figwidth() == plotting.COLUMN_WIDTH
     assert figure.get_figheight() < 9
-    assert {text.get_fontsize() for text in visible_texts(figure)} <= {7, 8}
+    assert {text.get_fontsize() for text in visible_texts(figure)} <= {6, 7}
 
 
 def test_same_figure_same_bytes(tmp_path) -> None:

@@ -227,7 +227,7 @@ def test_words_make_nothing_anew(built, module, old, new):
 
 def test_a_plot_makes_only_figures_anew(built):
     with edited(
-        built / "sphpod" / "figures" / "plotting.py", "\nPAGE_WIDTH = ", "\nPAGE_WIDTH = 0.5 * "
+        built / "sphpod" / "figures" / "plotting.py", "\nCOLUMN_WIDTH = ", "\nCOLUMN_WIDTH = 0.5 * "
     ):
         assert planned(built) == {"figure"}
     with edited(built / "sphpod/figures/style.mplstyle", "font.size: ", "font.size: 1"):
