@@ -278,7 +278,13 @@ def _draw_fastest(axes: Axes, benchmark: Arrays, kinds: Sequence[Kind]) -> None:
     middle = np.sqrt(np.prod(axes.get_xlim()))
     key = axes.get_yaxis_transform() + ScaledTranslation(-7 / 72, 0, axes.figure.dpi_scale_trans)
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
-    text: Look = {"va": "center_baseline", "color": DIM, "fontsize": SMALL, "zorder": 2, "bbox": box}
+    text: Look = {
+        "va": "center_baseline",
+        "color": DIM,
+        "fontsize": SMALL,
+        "zorder": 2,
+        "bbox": box,
+    }
     for height, kind in enumerate(kinds):
         look = {**kind.look, "linestyle": ""}
         axes.plot(0, height, transform=key, clip_on=False, **look)
@@ -458,7 +464,7 @@ def scaling(scaling: Arrays) -> Figure:
     memory = np.broadcast_to(scaling["memory_bytes"], seconds.shape)
     over_particles = ~reduced | (modes == usual["k"])
     over_modes = reduced & (counts == usual["N"])
-    figure = Figure(figsize=(COLUMN_WIDTH, 5.9), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH, 6.8), layout="constrained")
     panels = []
     for name, values in (("time a step [s]", seconds), ("memory [B]", memory)):
         curves = _curves(kinds, over_particles, counts, values)

@@ -103,11 +103,11 @@ def save(
 @styled
 def spring() -> Figure:
     """Draw mass points, springs and dampers of section 2.1, joined periodically (figure 2.1)."""
-    figure = Figure(figsize=(COLUMN_WIDTH, 0.95))
-    axes = figure.add_axes((0, 0, 1, 1), xlim=(-0.5, 8.5), ylim=(-1.4, 1.19), aspect="equal")
+    figure = Figure(figsize=(COLUMN_WIDTH, 1.04))
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(-0.4, 7.4), ylim=(-1.27, 1.19), aspect="equal")
     axes.axis("off")
-    names = ("N−1", "0", "1", "···", "n", "n+1", "···", "N−1", "0")
-    radius = 0.36
+    names = ("N−1", "0", "···", "n", "n+1", "···", "N−1", "0")
+    radius = 0.31
     # A spring of unit length.
     along = np.concatenate(([0, 0.14], np.linspace(0.18, 0.82, 9), [0.86, 1]))
     across = np.concatenate(([0, 0], 0.13 * np.array([1, -1] * 4 + [1]), [0, 0]))
@@ -126,23 +126,23 @@ def spring() -> Figure:
         if not image:
             _draw_damper(axes, place, -radius)
     for at, height, label in (
-        (3.5, -0.55, "$k_{n-1/2}$"),
-        (4, 0.48, "$m_n$"),
-        (4.5, -0.55, "$k_{n+1/2}$"),
-        (5, 0.48, "$m_{n+1}$"),
-        (4.35, -1.1, "$d_n$"),
-        (5.5, -1.1, "$d_{n+1}$"),
+        (2.5, -0.45, "$k_{n-1/2}$"),
+        (3, 0.42, "$m_n$"),
+        (3.5, -0.45, "$k_{n+1/2}$"),
+        (4, 0.42, "$m_{n+1}$"),
+        (3.35, -0.95, "$d_n$"),
+        (4.48, -0.95, "$d_{n+1}$"),
     ):
-        axes.text(at, height, label, ha="center", fontsize=8)
-    for edge in (0.5, 7.5):
+        axes.text(at, height, label, ha="center")
+    for edge in (0.5, 6.5):
         axes.plot((edge, edge), (-0.45, 1.05), color=GREY, linestyle=":")
     axes.annotate(
         "",
         (0.5, 0.98),
-        (7.5, 0.98),
+        (6.5, 0.98),
         arrowprops={"arrowstyle": "<->", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0},
     )
-    axes.text(4, 0.98, "one period, $L$", ha="center", va="center", backgroundcolor="white")
+    axes.text(3.5, 0.98, "one period, $L$", ha="center", va="center", backgroundcolor="white")
     return figure
 
 
@@ -382,7 +382,7 @@ def modes(pod: Arrays, count: int = 12, length: float | None = None, layers: Lay
     notes = [f"grey: {UNRESOLVED_LABEL}"] * turned
     if layers:
         parts = (f"{name} from x = {start:g} m" for start, name in layers)
-        notes.append(f"dashed: the material jumps; {', '.join(parts)}")
+        notes += ["dashed: the material jumps", ", ".join(parts)]
     foot = 0.05 * bool(notes) + 0.12 * len(notes)
     height = top + sum(rows) * panel + 2 * below + foot
     figure = Figure(figsize=(COLUMN_WIDTH, height))
@@ -510,9 +510,8 @@ def error(pod: Arrays, sweep: Arrays, errors: Arrays, reference: str) -> Figure:
     upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(2.1, 2.8))[:, 0]
     _draw_singular_values(upper.subplots(), pod)
     _draw_errors(lower.subplots(), sweep, errors, reference)
-    for part, columns in ((upper, 3), (lower, 2)):
-        named = part.axes[0].get_legend_handles_labels()
-        part.legend(*named, loc="outside lower center", ncols=columns)
+    upper.legend(loc="outside lower center", ncols=3, handlelength=1)
+    lower.legend(loc="outside lower center", ncols=2)
     return figure
 
 
@@ -525,7 +524,7 @@ def _draw_singular_values(axes: Axes, pod: Arrays) -> None:
         inset = axes.inset_axes((0.6, 0.6, 0.38, 0.38))
         inset.tick_params(labelsize=SMALL)
         whole.append(inset)
-    turned = []
+    turned = False
     for panel, last in zip(whole, (shown, most), strict=False):
         values_shown = []
         for field, symbol, colour, marker in zip(
@@ -533,21 +532,27 @@ def _draw_singular_values(axes: Axes, pod: Arrays) -> None:
         ):
             values = pod[f"{field}_singular_values"][:last]
             number = np.arange(1, len(values) + 1)
-            kept = pod[f"{field}_span_rounding"][:last] <= TURNED
+            kept = pod[f"{field}_span_rounding"] <= TURNED
+            # Rounding cannot turn the span of all modes, whatever the last of them is.
+            kept[1:][-1:] &= kept[:-1][-1:]
+            kept = kept[:last]
             size = 2.5 if panel is axes else 1.0
             look: Look = {"linestyle": "", "marker": marker, "markersize": size}
             panel.plot(
                 number[kept], values[kept], color=colour, label=f"{symbol}, singular value", **look
             )
             if not kept.all():
-                turned += panel.plot(number[~kept], values[~kept], color=GREY, **look)
+                panel.plot(number[~kept], values[~kept], color=GREY, **look)
+                turned = True
             values_shown.append(values)
         scale_log(panel.yaxis, np.concatenate(values_shown))
         number_axis(panel.xaxis, last, 5 if panel is axes else 2)
         if panel is not axes:
             panel.yaxis.set_major_locator(LogLocator(numticks=4))
     if turned:
-        turned[0].set_label(UNRESOLVED_LABEL)
+        # After both fields.
+        look = {"linestyle": "", "marker": "o", "markersize": 2.5}
+        axes.plot([], [], color=GREY, label=UNRESOLVED_LABEL, **look)
     axes.set(xlabel="mode number", ylabel="singular value [m/s, kg/m³]")
 
 
@@ -706,9 +711,7 @@ def acceleration(
         "other markers: POD, error against SPH;\n"
         "bars: quartiles of the repeated runs; numbers at the dots: n"
     )
-    figure.legend(
-        handles, labels, loc="outside lower center", ncols=2, title=title
-    )
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, title=title)
     return figure
 
 
@@ -903,7 +906,7 @@ def initial_spectrum(solution: Arrays, last_harmonic: int | None = None) -> Figu
 
 @styled
 def phase(sph: Arrays, exact: Arrays, modified: Arrays, position: float, beta: float) -> Figure:
-    """Draw the velocity of one particle in time, in two rows (figure C.6).
+    """Draw the velocity of one particle in time, in four rows (figure C.6).
 
     Parameters
     ----------
@@ -918,11 +921,11 @@ def phase(sph: Arrays, exact: Arrays, modified: Arrays, position: float, beta: f
     x = exact["x"]
     particle = int(np.abs(x - position).argmin())
     factor, unit = _unit(exact["velocity"][:, particle], "m/s")
-    figure = Figure(figsize=(COLUMN_WIDTH, 3.2), layout="constrained")
-    rows = figure.subplots(2, 1, sharey=True)
+    figure = Figure(figsize=(COLUMN_WIDTH, 4.4), layout="constrained")
+    rows = figure.subplots(4, 1, sharey=True)
     duration = exact["t"][-1]
     for row, axes in enumerate(rows):
-        start, end = row * duration / 2, (row + 1) * duration / 2
+        start, end = row * duration / 4, (row + 1) * duration / 4
         for solution, label, look in (
             (exact, "exact solution", {"color": GREY, "linewidth": 1.6}),
             (modified, f"exact, waves β = {beta:.4f} times as fast", {"color": BLUE}),
@@ -933,7 +936,7 @@ def phase(sph: Arrays, exact: Arrays, modified: Arrays, position: float, beta: f
             velocity = factor * solution["velocity"][during, particle]
             axes.plot(solution["t"][during], velocity, label=label, **look)
         axes.set(xlim=(start, end))
-    rows[1].set_xlabel("time t [s]")
+    rows[-1].set_xlabel("time t [s]")
     figure.supylabel(f"velocity v at x = {x[particle]:g} m [{unit}]", fontsize=7)
     figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure

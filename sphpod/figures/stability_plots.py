@@ -184,9 +184,7 @@ def _percent(predicted: float, measured: float) -> str:
 # --- Map ------------------------------------------------------------------------------------------
 
 
-DRIFT_NOTE = (
-    "original POD: faint growth below the limit\nis drift of its density, not instability"
-)
+DRIFT_NOTE = "original POD: faint growth below the limit\nis drift of its density, not instability"
 
 
 @styled
@@ -304,12 +302,12 @@ def _draw_limit(axes: Axes, x: np.ndarray, limit: np.ndarray, time_steps: np.nda
 
 def _add_growth_bar(figure: Figure, mesh: QuadMesh, norm: AsinhNorm) -> None:
     label = "logarithm of the amplitude's growth in a step"
-    bar = figure.colorbar(
-        mesh, ax=figure.axes, label=label, pad=0.02, aspect=36, location="bottom"
-    )
+    bar = figure.colorbar(mesh, ax=figure.axes, label=label, pad=0.02, aspect=36, location="bottom")
     bar.outline.set_linewidth(0.6)
     lowest, highest = np.log10(norm.linear_width), np.log10(norm.inverse(1))
-    powers = np.arange(np.ceil(lowest + 0.5), np.floor(highest) + 1).astype(int)
+    powers = np.arange(np.floor(highest), np.ceil(lowest + 0.5) - 1, -1).astype(int)
+    # Room for three on either side of zero.
+    powers = powers[:: -(-len(powers) // 3) or 1][::-1]
     ticks = [*(-(10.0**power) for power in powers[::-1]), 0, *(10.0**power for power in powers)]
     bar.set_ticks(ticks, labels=[_signed(tick) for tick in ticks])
     bar.minorticks_off()
