@@ -17,7 +17,7 @@ from matplotlib.axis import YAxis
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
 
 from sphpod.figures.benchmark_plots import FROZEN_LOOKS, LIFTED_RUNS, PAPER_RUNS
 from sphpod.figures.plotting import (

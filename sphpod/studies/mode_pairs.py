@@ -147,9 +147,9 @@ def draw(pairs: Arrays) -> "Figure":
         ticks = powers.tolist() if number else [1 / span, 1.0, span]
         bar.set_ticks(ticks, labels=[shortened(tick) for tick in ticks])
         bar.minorticks_off()
-        notes = "dots: below 1" + ("" if np.isfinite(ratio).all() else "; grey: broken down")
-        notes += f"; hatched: {UNRESOLVED_LABEL}" if noise.count() else ""
-        axes.set_title(f"larger of v and ρ; {notes}", loc="left")
+        notes = "" if np.isfinite(ratio).all() else "; grey: broken down"
+        notes += f"\nhatched: {UNRESOLVED_LABEL}" if noise.count() else ""
+        axes.set_title(f"larger of v and ρ; dots: below 1{notes}", loc="left")
     return figure
 
 

@@ -363,7 +363,11 @@ def test_error_panels() -> None:
     assert (left.get_xlabel(), right.get_xlabel()) == ("mode number", "number of modes k")
     assert right.get_ylabel() == "relative L² error"
     assert len(x_of(curves(left, plotting.BLUE)[0])) == 4
-    assert [len(x_of(line)) for line in curves(left, plotting.GREY)] == [26, 26]
+    assert [len(x_of(line)) for line in curves(left, plotting.GREY)] == [
+        26,
+        26,
+        0,
+    ]  # and of the legend
     labels = right.get_legend_handles_labels()[1]
     assert labels == [
         f"{symbol}, {comparison}"

@@ -712,11 +712,11 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
         ),
         (
             ["--", "small/results/waves/uniform10/original/k11+5.nc"],
-            "scene waves: modes = 11+5: more velocity modes than there are; sampling uniform10 gives 10",
+            "scene waves: modes = 11+5: more velocity modes than there are",
         ),
         (
             ["--", "small/results/waves/uniform10/frozen2/k3+11.nc"],
-            "scene waves: modes = 3+11: more density modes than there are; sampling uniform10 gives 10",
+            "scene waves: modes = 3+11: more density modes than there are",
         ),
         (
             ["--", "small/results/graded/reference_exact.nc"],
