@@ -551,8 +551,7 @@ def _draw_singular_values(axes: Axes, pod: Arrays) -> None:
             panel.yaxis.set_major_locator(LogLocator(numticks=4))
     if turned:
         # After both fields.
-        look = {"linestyle": "", "marker": "o", "markersize": 2.5}
-        axes.plot([], [], color=GREY, label=UNRESOLVED_LABEL, **look)
+        axes.plot([], [], "o", color=GREY, markersize=2.5, label=UNRESOLVED_LABEL)
     axes.set(xlabel="mode number", ylabel="singular value [m/s, kg/m³]")
 
 
@@ -609,8 +608,8 @@ def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> N
     if np.any(works):
         k = counts[np.argmax(works)]
         # No grey: the modes near rounding, which it may cross, are.
-        look: Look = {"color": GREEN, "linewidth": 1.2, "linestyle": (0, (1, 0.7))}
-        axes.axvline(k, label=f"k = {k}: POD error below SPH's", zorder=0.5, **look)
+        dots: Look = {"color": GREEN, "linewidth": 1.2, "linestyle": (0, (1, 0.7))}
+        axes.axvline(k, label=f"k = {k}: POD error below SPH's", zorder=0.5, **dots)
 
 
 def mark_breakdown(axes: Axes, places: np.ndarray, look: Look) -> None:

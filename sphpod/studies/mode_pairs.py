@@ -127,7 +127,12 @@ def draw(pairs: Arrays) -> "Figure":
         # The pattern hangs on the page, so that neighbouring pairs have one.
         noise = np.ma.masked_where(pairs["pair_resolved"].astype(bool), np.zeros(ratio.shape))
         if noise.count():
-            look = {"facecolor": "none", "edgecolor": DIM, "hatch": "//////", "linewidth": 0}
+            look: dict[str, Any] = {
+                "facecolor": "none",
+                "edgecolor": DIM,
+                "hatch": "//////",
+                "linewidth": 0,
+            }
             axes.pcolor(*edges, noise, **look)
         for row, column in np.argwhere(ratio < 1):
             axes.plot(edges[0][column] + 0.5, edges[1][row] + 0.5, ".", color=BLACK, markersize=2)
