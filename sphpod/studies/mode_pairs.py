@@ -135,7 +135,12 @@ def draw(pairs: Arrays) -> "Figure":
             }
             axes.pcolor(*edges, noise, **look)
         for row, column in np.argwhere(ratio < 1):
-            axes.plot(edges[0][column] + 0.5, edges[1][row] + 0.5, ".", color=BLACK, markersize=2)
+            dot: dict[str, Any] = {
+                "color": "white",
+                "markeredgecolor": BLACK,
+                "markeredgewidth": 0.4,
+            }
+            axes.plot(edges[0][column] + 0.5, edges[1][row] + 0.5, "o", markersize=2, **dot)
         axes.set(xlabel="density modes kρ", ylabel="velocity modes kv")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(6, integer=True, steps=(1, 2, 5, 10)))
