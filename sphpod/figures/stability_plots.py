@@ -17,7 +17,7 @@ from matplotlib.axis import YAxis
 from matplotlib.collections import QuadMesh
 from matplotlib.colors import AsinhNorm
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.ticker import FixedLocator, FuncFormatter, MaxNLocator, NullLocator
+from matplotlib.ticker import FixedLocator, FuncFormatter, LogLocator, MaxNLocator, NullLocator
 
 from sphpod.figures.benchmark_plots import FROZEN_LOOKS, LIFTED_RUNS, PAPER_RUNS
 from sphpod.figures.plotting import (
@@ -604,7 +604,7 @@ def _draw_random(
     axes.set(
         ylim=(0, 1),
         xlabel="largest real part / norm of the operator",
-        ylabel="share of bases that grow faster",
+        ylabel="share that grows faster",
     )
     axes.set_title(f"{count} random bases", loc="left")
     for label, line in (("Euclidean modes", "-"), ("energy modes", ":")):
@@ -627,10 +627,13 @@ def _draw_runs(figure: SubFigure, runs: Mapping[Place, Arrays]) -> None:
             drawn.append(energy[finite])
             broken |= not finite.all()
         scale_log(axes.yaxis, np.concatenate(drawn))
-        axes.set(xlim=time[[0, -1]], ylabel="energy E(t)/E(0)")
+        if np.divide(*axes.get_ylim()[::-1]) > 1e3:
+            # The panel is low.
+            axes.yaxis.set_major_locator(LogLocator(numticks=5))
+        axes.set(xlim=time[[0, -1]], ylabel="E(t)/E(0)")
         scene, *sampling = place
         kind = f"POD modes of {sampling[0]}" if sampling else "random modes"
-        axes.set_title(f"{_words(scene)}, {kind}", loc="left")
+        axes.set_title(f"{_words(scene)}, {kind}: energy", loc="left")
     panels[-1].set_xlabel("time t [s]")
     _add_legend(figure, panels[:1], 2, "top edge: broken down" if broken else None)
 

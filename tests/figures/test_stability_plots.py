@@ -578,7 +578,7 @@ def test_no_key_is_made_of_two_names() -> None:
     drawn = [y for line in figure.axes[2].lines if line.get_marker() != "None" for y in y_of(line)]
     for table in rates.values():
         assert set(table["energy_growth_rate"].tolist()) <= set(drawn)
-    assert figure.axes[-1].get_title(loc="left") == "run, POD modes of run"
+    assert figure.axes[-1].get_title(loc="left") == "run, POD modes of run: energy"
 
 
 # --- Smoothing ------------------------------------------------------------------------------------
