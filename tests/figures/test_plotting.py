@@ -407,6 +407,30 @@ def test_singular_values_beyond_the_thirtieth_stand_in_an_inset() -> None:
     assert not plotting.error(pod(), sweep(), errors(), "fd").axes[0].child_axes
 
 
+def test_the_last_singular_value_is_grey_where_those_before_it_are() -> None:
+    """The span of all snapshots is what rounding never turns, which says nothing of the last."""
+    turned = np.where(np.arange(80) < 30, 1e-3, 0.1)
+    turned[-1] = 1e-14
+    many = pod(80, 80)
+    for field in plotting.FIELDS:
+        many |= {
+            f"{field}_span_rounding": turned,
+            f"{field}_singular_values": 0.8 ** np.arange(80),
+        }
+    left = plotting.error(many, sweep(), errors(), "fd").axes[0]
+    (inset,) = left.child_axes
+    for colour in (plotting.BLUE, plotting.VERMILLION):
+        assert x_of(curves(inset, colour)[0])[-1] == 30
+    assert [x_of(line)[-1] for line in curves(inset, plotting.GREY)] == [80, 80]
+    # Where all are known, so is the last.
+    few = pod(3, 4)
+    blue, red = (
+        curves(plotting.error(few, sweep(4), errors(), "fd").axes[0], colour)[0]
+        for colour in (plotting.BLUE, plotting.VERMILLION)
+    )
+    assert (len(x_of(blue)), len(x_of(red))) == (3, 4)
+
+
 def test_colours_show_the_sign_in_grey_and_the_ends_have_labels() -> None:
     grey = plotting.SIGNED(np.linspace(0, 1, 50))[:, :3] @ (0.299, 0.587, 0.114)
     assert np.all(np.diff(grey) > 0)
