@@ -118,7 +118,9 @@ def test_public_names_say_what_they_take_give_and_raise(name):
 def texts(scene):
     """Fields of a scene, expressions as their text."""
     fields = (field.name for field in dataclasses.fields(scene))
-    return {name: getattr(getattr(scene, name), "text", getattr(scene, name)) for name in fields}
+    return {
+        name: getattr(getattr(scene, name), "text", repr(getattr(scene, name))) for name in fields
+    }
 
 
 def test_a_scene_of_keywords_is_that_of_a_file(tmp_path):

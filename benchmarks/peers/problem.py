@@ -56,7 +56,7 @@ class Problem:
         with open(CONFIG, encoding="utf-8") as file:
             scene = Scene.from_settings(SCENE, yaml.safe_load(file)["scenes"][SCENE])
         density0, modulus = scene.density0(), scene.modulus()
-        forced = scene.damping_values().size or scene.force_time is not None
+        forced = scene.damping_values().size or scene.forces
         if forced or np.ptp(density0) or np.ptp(modulus):
             raise ValueError(
                 f"scene {SCENE}: the tools are set up for uniform material, no d, no f"

@@ -22,7 +22,7 @@ ERROR_SAMPLES = 10000
 
 
 class Force(Section):
-    """A force of one term: a course in time times a profile in space."""
+    """A term of a force: a course in time times a profile in space."""
 
     time: Expression = Field(
         description="course of the force in time [m/s2], an expression in t, L and T"
@@ -45,6 +45,12 @@ class Positions(Section):
     )
     seed: int = left_out(ge=0, le=LARGEST_SEED, description="seed of the random shifts, default 0")
 
+
+ForceTerm = Annotated[
+    Annotated[Expression, Tag("<scalar>")] | Annotated[Force, Tag("<mapping>")],
+    BY_SHAPE,
+    Field(description="an expression in x, t, L and T [m/s2], or time (in t) and profile (in x)"),
+]
 
 End = Literal["fixed", "free"]
 
@@ -287,16 +293,20 @@ class Scene(Section):
         description="rho0(x) [kg/m3], positive, a number or an expression in x, L and T"
     )
     youngs_modulus: Expression = Field(
-        description="c(x) [Pa], positive, a number or an expression in x, L and T"
+        description="c(x, t) [Pa], positive, a number or an expression in x, t, L and T"
     )
     damping: Expression = left_out(
-        description="damping coefficient d(x) [1/s], not negative; left out if there is none"
+        description="damping coefficient d(x, t) [1/s], not negative, a number or an expression in "
+        "x, t, L and T; left out if there is none"
     )
     force: Annotated[
-        Annotated[Expression, Tag("<scalar>")] | Annotated[Force, Tag("<mapping>")], BY_SHAPE
+        Annotated[Expression, Tag("<scalar>")]
+        | Annotated[Force, Tag("<mapping>")]
+        | Annotated[Annotated[list[ForceTerm], Field(min_length=1)], Tag("<list>")],
+        BY_SHAPE,
     ] = left_out(
-        description="external force per mass [m/s2], an expression in t, or time (in t) and "
-        "profile (in x); left out if there is none"
+        description="external force per mass [m/s2], an expression in x, t, L and T, or time (in "
+        "t) and profile (in x), or a list of such terms, which add up; left out if there is none"
     )
     interface: Literal["mean"] = left_out(
         description="how SPH sees a modulus that jumps: with mean, a particle has the mean of its "

@@ -64,7 +64,7 @@ def sizes(scene: Scene, settings: Mapping[str, Any]) -> Iterator[Size]:
         float(FIELDS_TOGETHER) * outputs * count * NUMBER,
         f"{outputs} outputs of {count} particles",
     )
-    if scene.force_time is not None:
+    if scene.forces:
         steps = scene.step_count
         refined = settings.get("references") != ["exact"]
         yield Size(

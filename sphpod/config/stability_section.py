@@ -106,14 +106,22 @@ class Stability(Section):
 WITHOUT_TIMES = "it must be a sampling at times, as snapshots of other runs are taken there too"
 
 
+STEADY = "it must be a scene of which neither youngs_modulus nor damping names t"
+
+
 def resolved_stability(
     settings: dict[str, Any], known: dict[str, Any], memory: float
 ) -> dict[str, Any]:
     """Check what is asked of stability; studies are of the first sampled scene if none is named."""
+    steady = {
+        name: scenes.Scene.from_settings(name, settings).is_steady
+        for name, settings in known.items()
+    }
     first = {
         name: timed[0]
         for name, s in known.items()
-        if "free" not in s.get("boundary", ())
+        if steady[name]
+        and "free" not in s.get("boundary", ())
         and (timed := [one for one, taken in s["samplings"].items() if is_of_run(taken)])
     }
     moving = {n: s for n, s in first.items() if _strains(scenes.Scene.from_settings(n, known[n]))}
@@ -133,6 +141,8 @@ def resolved_stability(
                 allowed = known_names("sampling", known[name]["samplings"])
                 raise refusal(None, f"{key}.{name}", sampling, allowed)
             check_ends(name, known[name])
+            if not steady[name]:
+                raise refusal(None, key, name, STEADY)
             taken = known[name]["samplings"][sampling]
             if study != "stability_map" and not is_of_run(taken):
                 raise refusal(None, f"{key}.{name}", sampling, WITHOUT_TIMES)
@@ -211,6 +221,9 @@ def _edge_scene(
         checks.check_setting(physics)
     except ValueError as error:
         raise ConfigError(str(error)) from error
+    for given in ("youngs_modulus", "damping"):
+        if physics.changing(given) is not None:
+            raise refusal(None, f"{key}.{given}", scene[given], "it must not name t here")
     return scene
 
 

@@ -24,7 +24,18 @@ from functools import partial
 
 import numpy as np
 
-from sphpod.full.sph import SOUND, State, fastest_change, sound_steps, wrap
+from sphpod.full import coefficients_in_time
+from sphpod.full.coefficients_in_time import NO_LISTS
+from sphpod.full.sph import (
+    SOUND,
+    State,
+    change,
+    changing,
+    fastest_change,
+    largest_force,
+    sound_steps,
+    wrap,
+)
 from sphpod.numerics.compiled import compiled
 from sphpod.numerics.course import POINTS, WEIGHTS, spans
 from sphpod.numerics.error import blocks
@@ -32,16 +43,13 @@ from sphpod.numerics.propagator import TURN
 from sphpod.numerics.propagator import prepare as prepare_jumps
 from sphpod.scene.breakdown import RESOLVED, Breakdown
 from sphpod.scene.kernel import stencil_weights
-from sphpod.scene.scene import ABSENT, Scene, derivative_matrix, step_times
+from sphpod.scene.scene import ABSENT, NO_FORCE, Scene, derivative_matrix, step_times
 from sphpod.scene.waves import fastest_wave, warn_of_step
 
 FIXED_STEP = ("explicit_euler", "symplectic_euler", "leapfrog")
 ADAPTIVE = ("rk45", "dop853")
 INTEGRATORS = (*FIXED_STEP, *ADAPTIVE, "exact")
 """How the model is stepped; the adaptive ones are scipy's Runge-Kutta pairs."""
-
-NO_LISTS = np.zeros(0, np.uint64), np.zeros(0, np.uint64), ABSENT
-"""Stands for the neighbour lists that evenly spaced particles do not need."""
 
 VALUES_AT_ONCE = 2**18
 """Values of a field between outputs that are looked at together, which bounds the memory."""
@@ -118,7 +126,8 @@ def solve(
     Returns
     -------
     dict
-        t (times,) [s], x (N,) [m], velocity (times, N) [m/s], strain (times, N).
+        t (times,) [s], x (N,) [m], velocity (times, N) [m/s], strain (times, N); of ``exact`` where
+        coefficients change with time also time_error_estimate (`coefficients_in_time`).
 
     Raises
     ------
@@ -131,17 +140,21 @@ def solve(
     velocity, strain = np.empty(shape), np.empty(shape)
     if integrator in ("symplectic_euler", "leapfrog"):
         warn_of_step(scene, integrator, time_step or scene.time_step)
-    failed = prepare(scene, integrator, time_step, tolerance, start)(velocity, strain)
+    run = prepare(scene, integrator, time_step, tolerance, start)
+    failed = run(velocity, strain)
     if failed >= 0:
         row, particle = divmod(failed, scene.particle_count)
         model = f"the lifted full model ({integrator})"
         raise Breakdown(scene.name, model, scene.error_times[row], scene.bar_particle(particle))
-    return {
+    solution = {
         "t": scene.error_times,
         "x": scene.positions,
         "velocity": velocity,
         "strain": strain,
     }
+    if isinstance(run, coefficients_in_time.Stepped):
+        solution["time_error_estimate"] = np.array(run.time_error)
+    return solution
 
 
 def prepare(
@@ -173,7 +186,11 @@ def prepare(
         return _broken_from_start(begin)
     if integrator in ADAPTIVE:
         run = _adaptive(scene, integrator, tolerance, begin)
+        if not scene.is_steady:
+            return run
         return _resolved(scene, integrator, tolerance, run)
+    if integrator == "exact" and not scene.is_steady:
+        return coefficients_in_time.prepare(scene, begin)
     if integrator == "exact":
         run = (_fourier if is_uniform(scene) else _exponential)(scene, begin)
         return _resolved(scene, integrator, tolerance, run)
@@ -181,9 +198,10 @@ def prepare(
 
 
 def is_uniform(scene: Scene) -> bool:
-    """Whether spacing, density, modulus and damping are the same at all particles."""
+    """Whether spacing, density, modulus and damping are the same at all particles and times."""
     fields = scene.density0(), scene.modulus(), scene.damping_values()
-    return scene.is_even and all(field.size == 0 or field.min() == field.max() for field in fields)
+    even = scene.is_even and scene.is_steady
+    return even and all(field.size == 0 or field.min() == field.max() for field in fields)
 
 
 # --- Fixed steps ----------------------------------------------------------------------------------
@@ -198,29 +216,31 @@ def _fixed_step(scene, integrator, dt, begin):
         )
     steps = np.arange(scene.error_times.size) * stride
     explicit = integrator == "explicit_euler"
-    density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
-    amplitude, profile = _kicks(scene, integrator, dt, steps[-1])
-    pace = fastest_change(scene, dt, np.abs(amplitude).max(initial=0.0))
+    half = integrator == "leapfrog"
+    density0 = scene.density0()
+    modulus, damping, stiffening, slowing = _coefficients(scene, dt, steps[-1], half)
+    amplitudes, profiles = _kicks(scene, integrator, dt, steps[-1])
+    pace = fastest_change(scene, dt, largest_force(amplitudes, profiles))
     # The stress c e is stepped, not the strain: a product less for each neighbour.
     stiffness = dt * modulus
     keep, gain = np.ones_like(density0), np.full_like(density0, dt)
     if damping.size:
         keep = 1 - dt * damping if explicit else np.exp(-dt * damping)
         gain = gain if explicit else kick_time(damping, dt)
-    inertia, push = gain / density0, gain * profile if profile.size else ABSENT
+    inertia, push = gain / density0, gain * profiles if profiles.size else NO_FORCE
     weights, geometry = ABSENT, NO_LISTS
     if scene.is_even:
         weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
     else:
         geometry = scene.neighbour_lists()
     uniform = is_uniform(scene) and weights.size <= 2
-    even_push = push.size > 0 and push.min() == push.max()
+    even_push = push.size > 0 and bool((push.min(axis=1) == push.max(axis=1)).all())
     if uniform:
         # One coefficient for all particles goes into the weights, the force into one number.
         weights = np.pad(weights, (0, 2 - weights.size))
         drift, kick = stiffness[0] * weights, inertia[0] * weights
         if even_push:
-            amplitude, push = push[0] * amplitude, ABSENT
+            amplitudes, push = push[:, :1].T @ amplitudes, NO_FORCE
         coefficients = keep[:1], ABSENT, ABSENT
     else:
         drift = kick = weights
@@ -229,23 +249,41 @@ def _fixed_step(scene, integrator, dt, begin):
     velocity0, stress0 = (
         np.pad(field, weights.size, mode="wrap") for field in (begin[0], modulus * begin[1])
     )
-    half = integrator == "leapfrog"
     calm = strain_bound(scene, integrator, dt, begin) < 0.99
 
     def run(velocity, strain, watch=True):
         state = np.zeros((4, velocity0.size))
         state[0], state[2] = velocity0, stress0
-        operators = drift, kick, geometry, coefficients, compliance
+        # What changes with time is written over from step to step.
+        own = tuple(part.copy() for part in coefficients)
+        operators = drift, kick, geometry, own, compliance.copy()
         schedule = explicit, half, steps, watch and not calm, pace
-        return march(state, operators, (amplitude, push), schedule, (velocity, strain))
+        changes = stiffening, slowing, (profiles, density0, dt)
+        force = amplitudes, push.copy()
+        return march(state, operators, force, changes, schedule, (velocity, strain))
 
     return run
 
 
+def _coefficients(scene, dt, count, half):
+    """Modulus and damping at the start, and how they change in so many steps."""
+    scene = replace(scene, time_step=dt)
+    modulus, stiffening = changing(scene, "youngs_modulus", count + 1)
+    damping, slowing = changing(scene, "damping", count)
+    # Leapfrog has its strain, and its kicks, in the middle of steps.
+    if half and stiffening[0].size:
+        _, (factors, profiles) = changing(scene, "youngs_modulus", 2 * count, parts=2)
+        stiffening = np.concatenate([factors[:1], factors[1::2]]), profiles
+    if half and slowing[0].size:
+        _, (factors, profiles) = changing(scene, "damping", 2 * count, parts=2)
+        slowing = np.ascontiguousarray(factors[1::2]), profiles
+    return modulus, damping, stiffening, slowing
+
+
 def _kicks(scene, integrator, dt, steps):
     """Force of each step as `Scene.force_values`; leapfrog kicks in the middle of its steps."""
-    if scene.force_time is None:
-        return ABSENT, ABSENT
+    if not scene.forces:
+        return NO_FORCE, NO_FORCE
     halves = 2 * np.arange(steps) + (integrator == "leapfrog")
     return scene.force_values(step_times(dt, halves, 2))
 
@@ -258,7 +296,8 @@ def strain_bound(scene: Scene, integrator: str, time_step: float, begin: State) 
     Symplectic Euler and leapfrog keep or lose the energies H of `sphpod.full.energy`, which with
     ρ = z/2 < 1 lie between (1 - ρ) |(u, p)|² and (1 + ρ) w |(u, p)|², w the largest x coth x. A
     force adds at most Δt |f| |√m| to the norm in a step, and (1 - ρ²)^(-1/2) times that to √H. A
-    strain is at most |p| over the smallest √(V c).
+    strain is at most |p| over the smallest √(V c). Of coefficients that change with time this says
+    nothing.
 
     Parameters
     ----------
@@ -269,14 +308,17 @@ def strain_bound(scene: Scene, integrator: str, time_step: float, begin: State) 
     begin : (velocity, strain)
         State at t = 0.
     """
+    if not scene.is_steady:
+        return np.inf
     mass, stiffness = energy_weights(scene)
     steps = round(scene.duration / time_step)
     z = time_step * fastest_wave(scene)
-    amplitude, profile = _kicks(scene, integrator, time_step, steps)
+    amplitudes, profiles = _kicks(scene, integrator, time_step, steps)
     damping = scene.damping_values().max(initial=0.0) * time_step
     with np.errstate(invalid="ignore", over="ignore"):
         size = np.sqrt(np.sum((mass * begin[0]) ** 2) + np.sum((stiffness * begin[1]) ** 2))
-        push = time_step * np.abs(amplitude).sum() * np.linalg.norm(mass[: profile.size] * profile)
+        reach = np.linalg.norm(mass * profiles, axis=1) if profiles.size else np.zeros(0)
+        push = time_step * np.abs(amplitudes).sum(axis=1) @ reach
         if integrator == "explicit_euler":
             growth = (1 + z**2 + z * damping) ** (steps / 2) if damping <= 2 else np.inf
             norm = growth * (size + push)
@@ -340,15 +382,42 @@ def advance_lists(old, field, geometry, factor, new):
 
 
 @compiled
-def act(v, new_v, keep, push, amplitude, step):
+def act(v, new_v, keep, push, amplitudes, step):
     """Damping and force of one step where they vary in space; fields are without ghosts."""
     if keep.size > 1:
         for i in range(keep.size):
             new_v[i] -= (1 - keep[i]) * v[i]
-    if push.size:
-        now = amplitude[step]
-        for i in range(push.size):
-            new_v[i] += now * push[i]
+    for r in range(push.shape[0]):
+        now = amplitudes[r, step]
+        for i in range(push.shape[1]):
+            new_v[i] += now * push[r, i]
+
+
+@compiled
+def restress(stress, stiffness, compliance, stiffening, dt, step):
+    """Δt c and 1/c where c changes with time, and the stress of the strain that is there."""
+    change(stiffness, stiffening, step)
+    for i in range(compliance.size):
+        stress[i] *= stiffness[i] * compliance[i]
+        compliance[i] = 1 / stiffness[i]
+        stiffness[i] *= dt
+
+
+@compiled
+def slow(coefficients, push, slowing, base, explicit, step):
+    """What damping that changes with time leaves of a velocity and of a kick in a step."""
+    keep, _, inertia = coefficients
+    profiles, density0, dt = base
+    change(keep, slowing, step)
+    for i in range(keep.size):
+        d, gain = keep[i], dt
+        keep[i] = 1 - dt * d
+        if not explicit:
+            keep[i] = np.exp(-dt * d)
+            gain = -np.expm1(-dt * d) / d if d > 0 else dt
+        inertia[i] = gain / density0[i]
+        for r in range(push.shape[0]):
+            push[r, i] = gain * profiles[r, i]
 
 
 @compiled
@@ -408,17 +477,19 @@ def doubtful(velocity, strain):
 
 
 @compiled
-def march(state, operators, force, schedule, kept):
-    """``state`` holds velocity and stress, old and new, with ghosts; ``schedule`` whether steps are
-    explicit, whether they begin with half a drift, those after which fields are kept, whether these
-    are looked at, and `fastest_change`.
+def march(state, operators, force, changes, schedule, kept):
+    """``state`` holds velocity and stress, old and new, with ghosts; ``changes`` those of modulus
+    and damping, and of what their kicks are made; ``schedule`` whether steps are explicit, whether
+    they begin with half a drift, those after which fields are kept, whether these are looked at,
+    and `fastest_change`.
 
     Longer than a function should be: the kernels are chosen here, at every call, as in a function
     of its own they would be compiled without vectors, three times slower.
     """
     v, new_v, stress, new_stress = state[0], state[1], state[2], state[3]
     drift, kick, geometry, (keep, stiffness, inertia), compliance = operators
-    amplitude, push = force
+    amplitudes, push = force
+    stiffening, slowing, base = changes
     explicit, half, steps, watch, pace = schedule
     velocity, strain = kept
     width = drift.size
@@ -442,10 +513,15 @@ def march(state, operators, force, schedule, kept):
                 # Leapfrog begins with half a drift; all later ones are whole.
                 for i in range(stress.size):
                     new_stress[i] = 0.5 * (stress[i] + new_stress[i])
+            if stiffening[0].size:
+                restress(new_stress[inner], stiffness, compliance, stiffening, base[2], step + 1)
+                wrap(new_stress, width)
+            if slowing[0].size:
+                slow((keep, stiffness, inertia), push, slowing, base, explicit, step)
             pulling = stress if explicit else new_stress
             if uniform:
-                if amplitude.size and not push.size:
-                    even_push = amplitude[step]
+                if amplitudes.size and not push.size:
+                    even_push = amplitudes[0, step]
                 advance_uniform(v, pulling, kick, even_keep, even_push, new_v)
             elif width == 2:
                 advance_two(v, pulling, kick, inertia, new_v)
@@ -454,7 +530,7 @@ def march(state, operators, force, schedule, kept):
             else:
                 advance_lists(v, pulling, geometry, inertia, new_v)
             if keep.size > 1 or push.size:
-                act(v[inner], new_v[inner], keep, push, amplitude, step)
+                act(v[inner], new_v[inner], keep, push, amplitudes, step)
             wrap(new_v, width)
             v, new_v = new_v, v
             stress, new_stress = new_stress, stress
@@ -525,11 +601,10 @@ def _resolved(scene, integrator, tolerance, run):
             steps = min(parts_at_once, (end - row) * parts - first)
             begun = scene.error_times[row] + first * interval / parts
             within = replace(
-                scene,
+                scene.later(begun),
                 duration=steps * interval / parts,
                 error_interval=interval / parts,
                 time_step=interval / parts,
-                force_time=scene.force_time and scene.force_time.shifted(begun),
             )
             fields = np.empty((2, steps + 1, count))
             found = prepare(within, integrator, tolerance=tolerance, start=state)(*fields)
@@ -571,27 +646,29 @@ def _most_strain(scene):
     the waves' amplitudes; a translation strains nothing.
     """
     mass, stiffness = energy_weights(scene)
-    _, profile = scene.force_values(np.zeros(1))
-    pushed = np.zeros(scene.error_times.size - 1)
+    _, profiles = scene.force_values(np.zeros(1))
+    pushed, reach = np.zeros(scene.error_times.size - 1), np.zeros(0)
     if is_uniform(scene):
         speed = np.sqrt(scene.modulus()[0] / scene.density0()[0])
-        reach = _amplitudes(profile)[..., 1:].sum() / speed if profile.size else 0.0
+        if profiles.size:
+            reach = _amplitudes(profiles)[:, 1:].sum(axis=1) / speed
 
         def most(velocity, strain, rows):
             moving = _amplitudes(velocity) / speed
             moving[:, 0] = 0
             return np.hypot(moving, _amplitudes(strain)).sum(axis=1) + pushed[rows]
     else:
-        reach = np.linalg.norm(mass * profile) / stiffness.min() if profile.size else 0.0
+        if profiles.size:
+            reach = np.linalg.norm(mass * profiles, axis=1) / stiffness.min()
 
         def most(velocity, strain, rows):
             squares = np.sum((mass * velocity) ** 2, axis=1)
             squares += np.sum((stiffness * strain) ** 2, axis=1)
             return np.sqrt(squares) / stiffness.min() + pushed[rows]
 
-    if reach > 0:
-        pushed = sum(np.diff(course.impulse(scene.error_times)) for course in scene.courses())
-        pushed = pushed * reach
+    for course, far in zip(scene.courses(), reach, strict=True):
+        if far > 0:
+            pushed += np.diff(course.impulse(scene.error_times)) * far
     return most
 
 
@@ -619,22 +696,32 @@ def rates(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
     count = scene.particle_count
     inertia, modulus = 1 / scene.density0(), scene.modulus()
     damping = scene.damping_values()
-    course, (_, profile) = scene.force_time, scene.force_values(np.zeros(1))
+    stiffening, slowing = scene.changing("youngs_modulus"), scene.changing("damping")
+    factors = [factor for term in scene.force_terms for factor in term.factors]
+    _, profiles = scene.force_values(np.zeros(1))
     if scene.is_even:
         weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
         fields = np.empty((2, count + 2 * weights.size))
     else:
-        scales = np.concatenate(energy_weights(scene))
-        matrix = operator(scene).multiply(scales / scales[:, None]).tocsr()
+        gradient = derivative_matrix(scene)
 
     def rate(t, state):
-        push = ABSENT if course is None else course(t=np.array([t]))[0] * profile
+        now, c, d = np.array([t]), modulus, damping
+        push = ABSENT
+        if factors:
+            push = sum(g(t=now)[0] * profile for g, profile in zip(factors, profiles, strict=True))
+        if stiffening is not None:
+            c = stiffening.at(now)[0]
+        if slowing is not None:
+            d = slowing.at(now)[0]
         if not scene.is_even:
-            result = matrix @ state
-            result[: push.size] += push
-            return result
+            velocity, strain = np.split(state, 2)
+            acceleration = inertia * (gradient @ (c * strain))
+            acceleration[: d.size] -= d * velocity[: d.size]
+            acceleration[: push.size] += push
+            return np.concatenate([acceleration, gradient @ velocity])
         result = np.empty_like(state)
-        rates_of(state, fields, weights, (inertia, modulus), (damping, push), result)
+        rates_of(state, fields, weights, (inertia, c), (d, push), result)
         return result
 
     return rate
@@ -647,11 +734,16 @@ def _adaptive(scene, integrator, tolerance, begin):
     start = np.concatenate(begin)
     # Strain and velocity over the speed of sound are alike in size.
     speed = np.sqrt(scene.modulus() / scene.density0())
-    courses, (_, profile) = scene.courses(), scene.force_values(times[:1])
-    pushed = sum(course.total for course in courses) * np.abs(profile).max(initial=0)
+    courses, (_, profiles) = scene.courses(), scene.force_values(times[:1])
+    pushed = sum(
+        course.total * np.abs(profile).max()
+        for course, profile in zip(courses, profiles, strict=True)
+    )
     size = np.abs(start * np.concatenate([np.ones(count), speed])).max() + pushed or 1.0
     absolute = tolerance * size * np.concatenate([np.ones(count), 1 / speed])
     rate = rates(scene)
+    for one in (scene.changing("youngs_modulus"), scene.changing("damping")):
+        courses += () if one is None else one.courses
     # No step is longer than a force is a polynomial, so that none steps over a pulse.
     parts = spans(courses, times[-1])
     options = {"method": integrator.upper(), "rtol": max(tolerance, 3e-14), "atol": absolute}
@@ -738,21 +830,21 @@ def _fourier(scene, begin):
     pairs[:, 0, 1] = np.repeat(speed * symbol, 2)
     pairs[:, 1, 0] = -pairs[:, 0, 1]
     pairs[:, 0, 0] = -damping[0] if damping.size else 0.0
-    _, profile = scene.force_values(times[:1])
-    force = np.zeros((2 * modes, 2))
-    if profile.size:
+    _, profiles = scene.force_values(times[:1])
+    force = np.zeros((len(profiles), 2 * modes, 2))
+    for profile, fed in zip(profiles, force, strict=True):
         spectrum = np.fft.rfft(profile)
         spectrum[np.abs(spectrum) <= 1e-15 * np.abs(spectrum).max()] = 0
-        force[:, 0] = spectrum.view(float)
+        fed[:, 0] = spectrum.view(float)
 
-    jumps = prepare_jumps(pairs, 0, force[None], scene.error_interval, times.size, scene.courses())
+    jumps = prepare_jumps(pairs, 0, force, scene.error_interval, times.size, scene.courses())
     start = [np.fft.rfft(field).view(float) for field in (begin[0], begin[1])]
     # q̂ = i s ê, s the speed of waves.
     strained = speed * np.stack([-start[1][1::2], start[1][::2]], axis=1).ravel()
     # All the energy that waves without a force will ever have bounds every strain; mean velocity
     # strains nothing.
     waves = 2 * (np.sum(start[0][2:] ** 2) + np.sum(strained**2)) / count
-    calm = waves < 0.99 * speed**2 and not force[2:].any()
+    calm = waves < 0.99 * speed**2 and not force[:, 2:].any()
     state = np.zeros((4 * modes, times.size))
     first, second = state[: 2 * modes], state[2 * modes :]
 
@@ -779,29 +871,35 @@ def _exponential(scene, begin):
     count, interval, times = scene.particle_count, scene.error_interval, scene.error_times
     matrix, scales = operator(scene), np.concatenate(energy_weights(scene))
     start = scales * np.concatenate(begin)
-    courses, (_, profile) = scene.courses(), scene.force_values(times[:1])
+    courses, (_, profiles) = scene.courses(), scene.force_values(times[:1])
     trace = float(matrix.trace())
     # Parts of an interval short enough for the response to be a polynomial on each.
     cells = max(1, int(np.ceil(abs(matrix).sum(axis=0).max() * interval / TURN)))
     short = interval / cells
     if courses:
-        shape = scales * np.concatenate([profile, np.zeros(count)])
+        shapes = scales[:, None] * np.concatenate([profiles, np.zeros_like(profiles)], axis=1).T
+        # What each term at each point has become at the end, (points, 2N, terms).
         responses = np.stack(
             [
-                short / 2 * w * expm_multiply(matrix * (short * (1 - c) / 2), shape)
+                short / 2 * w * expm_multiply(matrix * (short * (1 - c) / 2), shapes)
                 for c, w in zip(POINTS, WEIGHTS, strict=True)
             ]
         )
         first = np.arange(cells * (times.size - 1))
-        forces = [course.projected(first * short, (first + 1) * short) for course in courses]
-        values = sum(forces).reshape(times.size - 1, cells, POINTS.size)
+        values = np.stack([one.projected(first * short, (first + 1) * short) for one in courses])
+        values = values.reshape(len(courses), times.size - 1, cells, POINTS.size)
+
+    def pushed_in(cell):
+        return sum(
+            at_points @ responses[..., term] for term, at_points in enumerate(values[:, :, cell])
+        )
 
     def pushes():
         """What the force adds from output to output, (outputs - 1, 2N)."""
-        added = values[:, 0] @ responses
+        added = pushed_in(0)
         for cell in range(1, cells):
             carried = expm_multiply(matrix * short, added.T, traceA=trace * short)
-            added = carried.T + values[:, cell] @ responses
+            added = carried.T + pushed_in(cell)
         return added
 
     def run(velocity, strain, watch=True):

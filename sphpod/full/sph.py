@@ -5,7 +5,8 @@ Both rates are taken from the old state (section 2.2):
     dρ_i/dt = -(ρ_i²/ρ0_i) Σ_j V_j v_j ∇W_ij
     dv_i/dt = -(1/ρ0_i) Σ_j V_j c_j (1 - ρ0_j/ρ_j) ∇W_ij - d_i v_i + f_i
 
-A damping or force that a scene lacks is an empty array, and costs nothing.
+A damping or force that a scene lacks is an empty array, and costs nothing; of a modulus or damping
+that does not change with time there are no factors.
 
 About a free end the strain is odd, but what a step in ρ adds to it is not: of J = ρ0/ρ at the rate
 s it makes J + Δt s + Δt² s²/(J - Δt s). So beyond free ends the stress is set after every step to
@@ -63,16 +64,10 @@ def solve(
     run = prepare(scene, steps, neighbours, start)
     failed = run(velocity, density)
     if failed >= 0:
-        at = divmod(failed, scene.particle_count)
-        raise Breakdown(
-            scene.name, "full SPH", scene.times(steps)[at[0]], scene.bar_particle(at[1])
-        )
-    return {
-        "t": scene.times(steps),
-        "x": scene.positions,
-        "velocity": velocity,
-        "density": density,
-    }
+        row, at = divmod(failed, scene.particle_count)
+        raise Breakdown(scene.name, "full SPH", scene.times(steps)[row], scene.bar_particle(at))
+    fields = {"velocity": velocity, "density": density}
+    return {"t": scene.times(steps), "x": scene.positions, **fields}
 
 
 def prepare(
@@ -107,11 +102,13 @@ def prepare(
     steps = np.ascontiguousarray(steps, np.int64)
     first_step = 0 if start is None else int(steps[0])
     velocity_now, density_now = start or (scene.velocity0(), scene.density0())
-    amplitude, profile = scene.force_of_steps(steps[-1])
-    density0, modulus, damping = scene.density0(), scene.modulus(), scene.damping_values()
-    dt = scene.time_step
+    amplitudes, profiles = scene.force_of_steps(steps[-1])
+    density0, dt = scene.density0(), scene.time_step
+    modulus, stiffening = changing(scene, "youngs_modulus", steps[-1] + 1, first_step)
+    damping, slowing = changing(scene, "damping", steps[-1], first_step)
     material = dt / density0, modulus, modulus * density0
-    forces = dt * damping, dt * amplitude, profile
+    forces = dt * damping, dt * amplitudes, profiles
+    changes = stiffening, density0, (slowing[0], dt * slowing[1]), _images(scene)
     geometry: tuple[np.ndarray, ...]
     if neighbours == "lists":
         geometry = scene.neighbour_lists()
@@ -123,8 +120,7 @@ def prepare(
         geometry = (np.pad(weights, (0, ghosts - weights.size)),)
         march = march_stencil
 
-    pace = fastest_change(scene, dt, np.abs(amplitude).max(initial=0.0), factor=2)
-    images = _images(scene)
+    pace = fastest_change(scene, dt, largest_force(amplitudes, profiles), factor=2)
     velocity0 = np.pad(velocity_now, ghosts, mode="wrap")
     stress0 = np.pad(modulus * (1 - density0 / density_now), ghosts, mode="wrap")
 
@@ -134,17 +130,59 @@ def prepare(
         rho = density_now.copy()
         schedule = first_step, steps, watch, pace
         kept = velocity, density
-        return march((state, rho), material, forces, geometry, schedule, kept, images)
+        # A modulus that changes is written over.
+        own = tuple(part.copy() for part in material) if stiffening[0].size else material
+        return march((state, rho), own, forces, changes, geometry, schedule, kept)
 
     return run
 
 
-def _images(scene):
-    """Particles beyond free ends, those that they are images of, and the signs of strains there.
+Changes = tuple[np.ndarray, np.ndarray]
+"""Factors of a coefficient that changes with time, (steps, r), and their profiles (r, N)."""
 
-    None where a study takes a number of particles that leaves none on an end.
+UNCHANGING: Changes = np.zeros((0, 0)), np.zeros((0, 0))
+"""Those of a coefficient that does not."""
+
+
+def changing(scene: Scene, key: str, count: int, first: int = 0, parts: int = 1):
+    """Modulus or damping of the particles at a step, and how it changes from step to step.
+
+    Parameters
+    ----------
+    scene : Scene
+    key : {"youngs_modulus", "damping"}
+    count : int
+        Number of steps, or of so many parts of one.
+    first : int
+        Step of which the values are.
+    parts : int
+
+    Returns
+    -------
+    values : array, shape (N,), empty without damping
+        In an array of their own.
+    changes : Changes
     """
+    changing = scene.changing(key)
+    if changing is None:
+        values = scene.modulus() if key == "youngs_modulus" else scene.damping_values()
+        return values, UNCHANGING
+    factors = np.ascontiguousarray(changing.factors_at(scene.times(np.arange(count), parts)).T)
+    return factors[min(first, len(factors) - 1)] @ changing.profiles, (factors, changing.profiles)
+
+
+def largest_force(amplitudes: np.ndarray, profiles: np.ndarray) -> float:
+    """Upper bound of the size of a force at any of the times of its amplitudes (terms, times)."""
+    if not amplitudes.size:
+        return 0.0
+    with np.errstate(over="ignore", invalid="ignore"):
+        return float((np.abs(amplitudes).T @ np.abs(profiles).max(axis=1)).max())
+
+
+def _images(scene):
+    """Particles beyond free ends, those that they are images of, and the signs of strains there."""
     ends = scene.ends
+    # A study may take a number of particles that leaves none on an end.
     if ends is None or not ends.is_free or scene.particle_count % ends.copies:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     sources, signs = ends.images(scene.particle_count, STRAIN)
@@ -153,7 +191,7 @@ def _images(scene):
 
 
 def fastest_change(
-    scene: Scene, time_step: float, amplitude: float, factor: float = 1
+    scene: Scene, time_step: float, force: float, factor: float = 1
 ) -> tuple[float, float, float]:
     """How fast strains and velocities can grow from step to step.
 
@@ -169,8 +207,8 @@ def fastest_change(
     scene : Scene
     time_step : float
         Δt [s].
-    amplitude : float
-        Largest amplitude of the force [m/s²].
+    force : float
+        Largest size of the force [m/s²].
     factor : float
 
     Returns
@@ -183,11 +221,10 @@ def fastest_change(
     else:
         first, _, gradients = scene.neighbour_lists()
         widest = np.add.reduceat(np.abs(gradients), first[:-1].astype(np.int64)).max()
-    speed = np.sqrt(factor * scene.modulus().max()) / np.sqrt(scene.density0().min())
-    _, profile = scene.force_values(np.zeros(1))
+    speed = np.sqrt(factor * scene.largest_modulus().max()) / np.sqrt(scene.density0().min())
     z = widest * speed * time_step
-    push = time_step * factor / speed * amplitude * np.abs(profile).max(initial=0.0)
-    known = z <= 1 and time_step * scene.damping_values().max(initial=0.0) <= 2 and push < np.inf
+    push = time_step * factor / speed * force
+    known = z <= 1 and time_step * scene.damping_range()[1] <= 2 and push < np.inf
     return float(z + z**2) if known else np.inf, float(factor / speed), float(push)
 
 
@@ -247,14 +284,38 @@ def act(new_v, v, forces, step):
 
     Fields are without ghosts.
     """
-    damping, amplitude, profile = forces
+    damping, amplitudes, profiles = forces
     if damping.size:
         for i in range(damping.size):
             new_v[i] -= damping[i] * v[i]
-    if amplitude.size:
-        push = amplitude[step]
-        for i in range(profile.size):
-            new_v[i] += push * profile[i]
+    for r in range(amplitudes.shape[0]):
+        push = amplitudes[r, step]
+        for i in range(profiles.shape[1]):
+            new_v[i] += push * profiles[r, i]
+
+
+@compiled
+def change(values, changes, step):
+    """A coefficient at a step, if it changes with time."""
+    factors, profiles = changes
+    for i in range(values.size):
+        values[i] = 0.0
+    for r in range(factors.shape[1]):
+        factor = factors[step, r]
+        for i in range(values.size):
+            values[i] += factor * profiles[r, i]
+
+
+@compiled
+def restress(stress, rho, modulus, load, density0, changes, step):
+    """Modulus of a step, where it changes with time, and the stress of the strain that is there.
+
+    Fields are without ghosts.
+    """
+    change(modulus, changes, step)
+    for i in range(rho.size):
+        load[i] = modulus[i] * density0[i]
+        stress[i] = modulus[i] - load[i] / rho[i]
 
 
 @compiled
@@ -319,16 +380,17 @@ def advance_any(v, new_v, stress, new_stress, rho, material, weights):
 
 
 @compiled
-def march_stencil(state, material, forces, geometry, schedule, kept, images):
+def march_stencil(state, material, forces, changes, geometry, schedule, kept):
     """Evenly spaced particles.
 
-    ``state`` holds velocity and stress, old and new, with ghosts, and the density; ``schedule`` the
-    first step, those after which the state is kept, whether it is looked at, and `fastest_change`;
-    ``images`` particles that are set as `reflect` does.
+    ``state`` holds velocity and stress, old and new, with ghosts, and the density; ``changes``
+    those of the modulus, ρ0, those of the damping, and `_images`; ``schedule`` the first step,
+    those after which the state is kept, whether it is looked at, and `fastest_change`.
     """
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
-    modulus = material[1]
+    modulus, load, damping = material[1], material[2], forces[0]
+    stiffening, density0, slowing, images = changes
     (weights,) = geometry
     first_step, steps, watch, pace = schedule
     velocity, density = kept
@@ -351,8 +413,12 @@ def march_stencil(state, material, forces, geometry, schedule, kept, images):
                 advance_four(v, new_v, stress, new_stress, rho, material, weights)
             else:
                 advance_any(v, new_v, stress, new_stress, rho, material, weights)
+            if slowing[0].size:
+                change(damping, slowing, step)
             if acted:
                 act(new_v[inner], v[inner], forces, step)
+            if stiffening[0].size:
+                restress(new_stress[inner], rho, modulus, load, density0, stiffening, step + 1)
             if images[0].size:
                 reflect(new_stress[inner], rho, material, images)
             wrap(new_v, width)
@@ -391,11 +457,12 @@ def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
 
 
 @compiled
-def march_lists(state, material, forces, geometry, schedule, kept, images):
+def march_lists(state, material, forces, changes, geometry, schedule, kept):
     """Any arrangement of particles, as `march_stencil` without ghosts."""
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
-    modulus = material[1]
+    modulus, load, damping = material[1], material[2], forces[0]
+    stiffening, density0, slowing, images = changes
     first_step, steps, watch, pace = schedule
     velocity, density = kept
     acted = forces[0].size > 0 or forces[1].size > 0
@@ -410,8 +477,12 @@ def march_lists(state, material, forces, geometry, schedule, kept, images):
     for row in range(steps.size):
         for step in range(done, steps[row]):
             advance_lists(v, new_v, stress, new_stress, rho, material, geometry)
+            if slowing[0].size:
+                change(damping, slowing, step)
             if acted:
                 act(new_v, v, forces, step)
+            if stiffening[0].size:
+                restress(new_stress, rho, modulus, load, density0, stiffening, step + 1)
             if images[0].size:
                 reflect(new_stress, rho, material, images)
             v, new_v = new_v, v

@@ -105,6 +105,15 @@ class Course:
         coefficients = np.moveaxis(self.coefficients[piece], -1, 0)
         return chebyshev.chebval(place, coefficients, tensor=False)
 
+    def slopes(self, times: np.ndarray) -> np.ndarray:
+        """Derivatives of the polynomials at times [s], in f's unit per second."""
+        piece = np.searchsorted(self.edges, times, side="right") - 1
+        piece = np.clip(piece, 0, len(self.coefficients) - 1)
+        low, high = self.edges[piece], self.edges[piece + 1]
+        place = np.clip(((times - low) - (high - times)) / (high - low), -1, 1)
+        slopes = chebyshev.chebder(self.coefficients[piece], axis=1)
+        return chebyshev.chebval(place, slopes.T, tensor=False) * (2 / (high - low))
+
     def departures(self, low: np.ndarray, high: np.ndarray) -> np.ndarray:
         """Bounds of |p - q| on intervals, q the polynomial through f at their Gauss points.
 
@@ -224,13 +233,17 @@ def spans(courses: tuple[Course, ...], duration: float) -> list[Span]:
     cuts = [[0.0, duration], *(course.breaks for course in proved)]
     ends = np.unique(np.concatenate([*cuts, [c.singular for c in courses if c.singular > 0]]))
     begins, ends = ends[:-1], ends[1:]
-    wide = (ends - begins > BREAKS * duration) | (ends == duration)
+    wide = ends - begins > BREAKS * duration
+    # What breaks at the very end is met there, by the span before it.
     begins, ends = begins[wide], ends[wide]
+    ends[-1] = duration
     shortest = np.full(ends.size, np.inf)
     for course in proved:
         edges = np.unique(np.concatenate([course.edges, begins, ends]))
         within = np.searchsorted(edges, np.stack([begins, ends], axis=1).ravel())
-        least = np.minimum.reduceat(np.append(np.diff(edges), np.inf), within)[::2]
+        widths = np.diff(edges)
+        widths[widths <= BREAKS * duration] = np.inf
+        least = np.minimum.reduceat(np.append(widths, np.inf), within)[::2]
         shortest = np.minimum(shortest, least)
     return [
         Span(float(before), float(end), (float(low), float(high)), float(width))

@@ -216,15 +216,19 @@ def _refused_sum(series: ast.AST, names: frozenset[str]) -> str | None:
             return "sum takes one series, as in sum(l*x for l in range(1, 4))"
 
 
-class _Shifted(ast.NodeTransformer):
-    """Add a number to a variable wherever it stands."""
+def reads(node: ast.AST) -> set[str]:
+    """Names that a formula holds, those of functions too."""
+    return {part.id for part in ast.walk(node) if isinstance(part, ast.Name)}
 
-    def __init__(self, name: str, by: float):
+
+class _Replaced(ast.NodeTransformer):
+    """Put something in the place of a variable wherever it stands."""
+
+    def __init__(self, name: str, by: ast.AST):
         self.name, self.by = name, by
 
     def visit_Name(self, node: ast.Name) -> ast.AST:
-        added = ast.BinOp(node, ast.Add(), ast.Constant(float(self.by)))
-        return added if node.id == self.name else node
+        return self.by if node.id == self.name else node
 
 
 class Expression:
@@ -316,10 +320,18 @@ class Expression:
         return Expression(text, self.variables, self.constants)
 
     def shifted(self, by: float) -> "Expression":
-        """The expression of one variable that gives at t what this one gives at t + ``by``."""
-        (name,) = self.variables
+        """The expression that gives at t what this one gives at t + ``by``."""
+        later = ast.BinOp(ast.Name("t", ast.Load()), ast.Add(), ast.Constant(float(by)))
+        return self._with("t", later, self.variables)
+
+    def at(self, name: str, value: float) -> "Expression":
+        """The expression of the other variables, with a number in the place of one."""
+        left = tuple(variable for variable in self.variables if variable != name)
+        return self._with(name, ast.Constant(float(value)), left)
+
+    def _with(self, name, by, variables):
         tree = ast.parse(self.text.strip(), mode="eval").body
-        return Expression(ast.unparse(_Shifted(name, by).visit(tree)), (name,), self.constants)
+        return Expression(ast.unparse(_Replaced(name, by).visit(tree)), variables, self.constants)
 
     def _error(self, reason: str) -> ValueError:
         names = ", ".join((*self.variables, *self.constants, *FUNCTIONS))

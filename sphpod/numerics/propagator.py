@@ -218,6 +218,8 @@ def _panels(courses, interval, intervals):
             known = course.missed if np.isfinite(course.missed) else 0
             limit = max(PANEL_ACCURACY * course.total, known) / (intervals * interval)
             smooth &= course.departures(edges[:-1], edges[1:]) <= limit
+            if panel > 1 and np.count_nonzero(~smooth) > ROUGH * smooth.size:
+                break
         if np.count_nonzero(~smooth) <= ROUGH * smooth.size:
             break
     return panel, edges[:-1], np.flatnonzero(np.repeat(~smooth, panel))

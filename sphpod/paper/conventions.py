@@ -7,7 +7,7 @@ Long: one function for each convention, all of one form.
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ from sphpod.numerics.error import relative_error
 from sphpod.paper.paper import FIELDS, Arrays, Paper
 from sphpod.reference import exact, reference
 from sphpod.scene import kernel
-from sphpod.scene.scene import Scene
+from sphpod.scene.scene import IN_X, Scene
 
 EULER, LINEAR_DENSITY, IMPLICIT_DAMPING, VELOCITY_FIRST, DENSITY_FIRST, HEUN = range(6)
 """Time steppings: the paper's, and others."""
@@ -96,14 +96,10 @@ def time_stepping(paper: Paper) -> Iterator[Row]:
         solution = solve_otherwise(paper.scene(name), stepping)
         yield from changed_errors(paper, convention, name, variant, sph=solution)
     scene = paper.scene("damped_forced")
-    later: Any = partial(_later, scene)
-    solution = sph.solve(replace(scene, force_time=later), scene.error_steps)
+    ends = replace(scene, forces=scene.later(scene.time_step).forces)
+    solution = sph.solve(ends, scene.error_steps)
     convention = "force at the start of a step"
     yield from changed_errors(paper, convention, scene.name, "at its end", sph=solution)
-
-
-def _later(scene, t):
-    return scene.force_time(t=t + scene.time_step)
 
 
 def smoothing_ratio(paper: Paper) -> Iterator[Row]:
@@ -141,7 +137,7 @@ def modulus(paper: Paper) -> Iterator[Row]:
     scene = paper.scene("two_moduli")
     convention = "c = 0.15 in SPH where the halves meet, the mean of the half cells"
     printed = paper.scene(scene.name, interface=None)
-    mean_of_halves: Any = partial(_harmonic_mean, scene)
+    mean_of_halves: Any = OfPlace(partial(_harmonic_mean, scene))
     harmonic = replace(printed, youngs_modulus=mean_of_halves)
     for variant, changed in (("c as printed", printed), ("the harmonic mean", harmonic)):
         solution = sph.solve(changed, changed.error_steps)
@@ -149,10 +145,21 @@ def modulus(paper: Paper) -> Iterator[Row]:
             yield from changed_errors(
                 paper, convention, scene.name, variant, sph=solution, against=against, erratum=5
             )
-    of_its_half: Any = partial(_modulus_at_seam, scene)
+    of_its_half: Any = OfPlace(partial(_modulus_at_seam, scene))
     solution = reference.solve_paper(replace(scene, youngs_modulus=of_its_half))
     convention = "c(0) = 0.2 in the reference"
     yield from changed_errors(paper, convention, scene.name, "c(0) = 0.1", reference=solution)
+
+
+@dataclass(frozen=True)
+class OfPlace:
+    """A function of x in the place of an expression."""
+
+    function: Callable[..., np.ndarray]
+    variables: tuple[str, ...] = IN_X
+
+    def __call__(self, x: np.ndarray) -> np.ndarray:
+        return self.function(x)
 
 
 def _modulus_at_seam(scene, x):

@@ -209,7 +209,12 @@ VARIABLES = _fields() | {
         ("reduced_rate",), "s-1", "rates of the coordinates that do not depend on them"
     ),
     "reduced_force": Variable(
-        ("reduced_rate",), "1", "rates of the coordinates by the course of the force in time"
+        ("reduced_rate", "force_term"),
+        "1",
+        "rates of the coordinates by the courses of the force's terms in time",
+    ),
+    "time_error_estimate": Variable(
+        (), "1", "estimated error of the time steps, of the largest energy norm"
     ),
     "velocity_output": Variable(
         ("reduced_state", "x"), "1", "velocity of the particles by the coordinates, in SI units"

@@ -57,12 +57,20 @@ def certify(
         The model for a single mode count broke down; in a sweep, its errors are infinite.
     """
     counts = list(mode_counts)
+    velocity: Seen
+    strain: Seen | SeenInTime
     velocity, strain = (
         Seen.of(full[field], scale, modes[f"scaled_{field}_modes"][: max(counts)])
         for field, scale in zip(("velocity", "strain"), lifted.energy_weights(scene), strict=True)
     )
+    if (changing := scene.changing("youngs_modulus")) is not None:
+        strain = SeenInTime(
+            lifted.energy_weights(scene)[1], full["strain"], modes["scaled_strain_modes"],
+            changing.at(scene.error_times) / scene.modulus(),
+        )  # fmt: skip
     norms = np.sqrt(velocity.total + strain.total)
-    best, operators = Best.of(scene, modes), FullModel.of(scene)
+    best = Best.of(scene, modes)
+    operators = FullModel.of(scene) if scene.is_steady else None
     bounds = {}
 
     def measure(solution):
@@ -175,12 +183,14 @@ class Best:
 
     Attributes
     ----------
+    model : LiftedModel
     velocity, strain : arrays, shapes (times, modes)
         Its coordinates.
     norm : float
         Its largest energy norm over time.
     """
 
+    model: lifted_rom.LiftedModel
     velocity: np.ndarray
     strain: np.ndarray
     norm: float
@@ -190,8 +200,7 @@ class Best:
         model = lifted_rom.build(scene, modes)
         state = model.prepare("lifted_exact").solve()
         velocity, strain = model.coordinates(state)
-        squares = np.einsum("tm,tm->t", velocity, velocity) + np.einsum("tm,tm->t", strain, strain)
-        return cls(velocity, strain, float(np.sqrt(squares.max())))
+        return cls(model, velocity, strain, float(model.lengths(velocity, strain).max()))
 
     @property
     def count(self) -> int:
@@ -200,12 +209,11 @@ class Best:
 
     def difference(self, velocity: np.ndarray, strain: np.ndarray) -> float:
         """Largest energy norm over time of what a smaller model lacks, of the largest norm."""
-        squares = np.zeros(len(velocity))
+        rests = []
         for mine, theirs in ((self.velocity, velocity), (self.strain, strain)):
-            rest = mine.copy()
-            rest[:, : theirs.shape[1]] -= theirs
-            squares += np.einsum("tm,tm->t", rest, rest)
-        return share(np.sqrt(squares.max()), self.norm)
+            rests.append(mine.copy())
+            rests[-1][:, : theirs.shape[1]] -= theirs
+        return share(self.model.lengths(*rests).max(), self.norm)
 
 
 @dataclass(frozen=True)
@@ -240,3 +248,37 @@ class Seen:
         rest = self.coordinates.copy()
         rest[:, : reduced.shape[1]] -= reduced
         return np.einsum("tm,tm->t", rest, rest) + self.outside
+
+
+@dataclass(frozen=True)
+class SeenInTime:
+    """The scaled strain of the full model, seen from modes, where the modulus changes with time.
+
+    Attributes
+    ----------
+    scale : array, shape (N,)
+        √(V c) at t = 0.
+    field : array, shape (times, N)
+        The strain.
+    modes : array, shape (modes, N)
+    moduli : array, shape (times, N)
+        The modulus, of that at t = 0.
+    """
+
+    scale: np.ndarray
+    field: np.ndarray
+    modes: np.ndarray
+    moduli: np.ndarray
+
+    @property
+    def total(self) -> np.ndarray:
+        """Squares of all of it in the energy of each time, (times,)."""
+        return self.squares(np.zeros((len(self.field), 0)))
+
+    def squares(self, reduced: np.ndarray) -> np.ndarray:
+        """Squares of the error of reduced coordinates (times, k) in the first modes, (times,)."""
+        found = np.empty(len(self.field))
+        for rows in blocks(len(self.field)):
+            rest = self.scale * self.field[rows] - reduced[rows] @ self.modes[: reduced.shape[1]]
+            found[rows] = np.sum(self.moduli[rows] * rest**2, axis=1)
+        return found

@@ -76,6 +76,7 @@ from sphpod.numerics import propagator
 from sphpod.numerics.compiled import compiled
 from sphpod.numerics.course import Course
 from sphpod.numerics.error import share
+from sphpod.reduced import reduced_in_time
 from sphpod.reduced.lifted_rom import LiftedModel, Prepared
 from sphpod.scene.scene import Scene
 
@@ -127,8 +128,8 @@ class FullModel:
         none = np.zeros(mass.size)
         courses, columns = scene.courses(), np.zeros((2 * mass.size, 0))
         if courses:
-            _, profile = scene.force_values(np.zeros(1))
-            columns = np.concatenate([mass * profile, none])[:, None]
+            _, profiles = scene.force_values(np.zeros(1))
+            columns = np.concatenate([mass * profiles, np.zeros_like(profiles)], axis=1).T
         start = np.concatenate([mass * scene.velocity0(), none])
         return cls(scene, lifted.operator(scene), start, courses, columns)
 
@@ -225,9 +226,7 @@ class Motion:
         prepared = propagator.prepare(
             own.blocks,
             own.singles,
-            np.array(
-                [own.in_blocks(part) for part in (push.T if push.size else np.zeros((1, count)))]
-            ),
+            own.forces_in_blocks(push),
             step,
             steps + 1,
             full.courses,
@@ -501,9 +500,13 @@ def error_bounds(
     -------
     bound, plain : arrays, shape (times,)
         The smallest of all bounds at each time, and the one of the residual alone, without changed
-        modes or enrichment.
+        modes or enrichment. Where modulus or damping change with time both are that of
+        `reduced_in_time`.
     """
     model = prepared.model
+    if not model.scene.is_steady:
+        in_time = reduced_in_time.error_bounds(prepared)
+        return in_time, in_time
     full = full or FullModel.of(model.scene)
     start, modes = state[:, 0], own_modes(model)
     change = corrections(full, model, modes)
@@ -575,8 +578,7 @@ def own_modes(model: LiftedModel) -> np.ndarray:
 
 def forces_on(full: FullModel, model: LiftedModel) -> np.ndarray:
     """h: each force on the own coordinates, shape (coordinates, forces)."""
-    push = model.own.from_modes[:, : len(model.velocity_modes)] @ model.force
-    return push[:, None] if full.courses else np.zeros((push.size, 0))
+    return model.own.from_modes[:, : len(model.velocity_modes)] @ model.force
 
 
 def corrections(full: FullModel, model: LiftedModel, modes: np.ndarray) -> np.ndarray:

@@ -16,6 +16,8 @@ they are ill-conditioned, the model is one block. `sphpod.numerics.propagator` c
 output to output, exactly in time (``lifted_exact``) or as explicit Euler would go
 (``lifted_euler``).
 
+Where modulus or damping change with time, models are stepped (`sphpod.reduced.reduced_in_time`).
+
 Long: modes, model and its run share the model's own modes.
 """
 
@@ -30,8 +32,10 @@ from sphpod.full import lifted
 from sphpod.numerics import propagator
 from sphpod.numerics.error import FIELDS, blocks, share
 from sphpod.numerics.propagator import Jumps
+from sphpod.reduced import reduced_in_time
 from sphpod.reduced.pod import Modes, checked, named, resolved
 from sphpod.reduced.pod import modes as proper_modes
+from sphpod.reduced.reduced_in_time import Steps
 from sphpod.reduced.sweep import failed, report_level, sweep
 from sphpod.scene.breakdown import RESOLVED, Breakdown, first_broken
 from sphpod.scene.scene import Scene
@@ -211,14 +215,15 @@ class LiftedModel:
 
     @cached_property
     def force(self) -> np.ndarray:
-        """g = Φᵀ √m times the force's profile, shape (kv,); zero without a force."""
-        _, profile = self.scene.force_values(np.zeros(1))
-        if not profile.size:
-            return np.zeros(len(self.velocity_modes))
+        """g = Φᵀ √m times the profiles of the force, shape (kv, terms)."""
+        _, profiles = self.scene.force_values(np.zeros(1))
+        if not profiles.size:
+            return np.zeros((len(self.velocity_modes), 0))
         mass, _ = lifted.energy_weights(self.scene)
-        force = self.velocity_modes @ (mass * profile)
+        force = self.velocity_modes @ (mass * profiles).T
         # A uniform force moves the translation alone; on the rest it is rounding.
-        return np.where(np.abs(force) > 1e-13 * np.linalg.norm(mass * profile), force, 0)
+        sizes = np.linalg.norm(mass * profiles, axis=1)
+        return np.where(np.abs(force) > 1e-13 * sizes, force, 0)
 
     @property
     def operator(self) -> np.ndarray:
@@ -227,27 +232,33 @@ class LiftedModel:
         return np.block([[-self.damping, self.coupling], [-self.coupling.T, none]])
 
     def system(self) -> dict[str, np.ndarray]:
-        """The model as a linear system x' = A x + f(t) F, of the coordinates x of both fields.
+        """The model as a linear system x' = A x + F f(t), of the coordinates x of both fields.
 
         Returns
         -------
         dict
-            reduced_operator A (states, states) [1/s] and reduced_force F (states,), f the course of
-            the force in time; velocity_output and strain_output (states, N), of which the fields
-            are xᵀ times these.
+            reduced_operator A (states, states) [1/s] and reduced_force F (states, terms), f the
+            courses of the force's terms in time, one of nothing without a force; velocity_output
+            and strain_output (states, N), of which the fields are xᵀ times these. Empty where A
+            would change with time.
         """
+        if not self.scene.is_steady:
+            return {}
+        force = self.force if self.force.size else np.zeros((len(self.force), 1))
         mass, stiffness = lifted.energy_weights(self.scene)
         kv, ke = len(self.velocity_modes), len(self.strain_modes)
         return {
             "reduced_operator": self.operator,
-            "reduced_force": np.pad(self.force, (0, ke)),
+            "reduced_force": np.pad(force, ((0, ke), (0, 0))),
             "velocity_output": np.pad(self.velocity_modes / mass, ((0, ke), (0, 0))),
             "strain_output": np.pad(self.strain_modes / stiffness, ((kv, 0), (0, 0))),
         }
 
     @cached_property
     def own(self) -> "OwnModes":
-        """The model in the modes of its operator."""
+        """The model in the modes of its operator; in its own where that changes with time."""
+        if not self.scene.is_steady:
+            return OwnModes(self.operator[None], 0, np.eye(len(self.operator)), True, True)
         damping = self.scene.damping_values()
         if damping.size and damping.min() < damping.max():
             return _eigenmodes(self.operator)
@@ -265,18 +276,33 @@ class LiftedModel:
         euler_steps = {"lifted_euler": scene.error_stride, "lifted_exact": 0}[method]
         kv = len(self.velocity_modes)
         back = own.from_modes
+        mass, _ = lifted.energy_weights(scene)
+        start = back[:, :kv] @ (self.velocity_modes * mass)
+        if not scene.is_steady:
+            terms = reduced_in_time.Terms.of(self)
+            return Prepared(self, method, reduced_in_time.Steps(terms, euler_steps > 0), start)
         jumps = propagator.prepare(
             own.blocks,
             own.singles,
-            own.in_blocks(back[:, :kv] @ self.force)[None],
+            own.forces_in_blocks(back[:, :kv] @ self.force),
             scene.error_interval,
             scene.error_times.size,
             scene.courses(),
             euler_steps,
         )
-        mass, _ = lifted.energy_weights(scene)
-        start = back[:, :kv] @ (self.velocity_modes * mass)
         return Prepared(self, method, jumps, start)
+
+    def lengths(self, velocity: np.ndarray, strain: np.ndarray) -> np.ndarray:
+        """Energy norms of coordinates (times, kv) and (times, ke) at the outputs, (times,)."""
+        squares = np.einsum("tm,tm->t", velocity, velocity)
+        if self.scene.changing("youngs_modulus") is None:
+            return np.sqrt(squares + np.einsum("tm,tm->t", strain, strain))
+        metrics = reduced_in_time.Terms.of(self).metrics
+        times = self.scene.error_times
+        for rows in blocks(times.size):
+            some = strain[rows]
+            squares[rows] += np.einsum("tm,tmn,tn->t", some, metrics(times[rows]), some)
+        return np.sqrt(squares)
 
     def coordinates(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates in the modes of velocity and strain, (times, kv) and (times, ke)."""
@@ -318,6 +344,8 @@ class LiftedModel:
         if not self.coupling.size:
             return None
         fastest = float(np.linalg.norm(self.coupling, 2))
+        if not scene.is_steady:
+            fastest *= np.sqrt(np.max(scene.largest_modulus() / scene.modulus()))
         parts = int(np.ceil(fastest * interval / RESOLVED))
         if parts <= 1 or (method == "lifted_euler" and scene.error_stride == 1):
             return None
@@ -330,12 +358,11 @@ class LiftedModel:
             growth = (1 + z**2 + z * damping) ** (stride / 2) if damping <= 2 else np.inf
         velocity, strain = self.coordinates(state)
         lengths = np.hypot(np.linalg.norm(velocity, axis=1), np.linalg.norm(strain, axis=1))
-        if scene.force_time is not None:
-            impulse = sum(course.impulse(scene.error_times) for course in scene.courses())
-            lengths[:-1] += np.linalg.norm(self.force) * np.diff(impulse)
+        for force, course in zip(self.force.T, scene.courses(), strict=True):
+            lengths[:-1] += np.linalg.norm(force) * np.diff(course.impulse(scene.error_times))
         _, stiffness = lifted.energy_weights(scene)
         reach = np.linalg.norm(self.strain_modes / stiffness, axis=0).max()
-        if (growth * lengths[:-1] * reach < 0.99).all():
+        if scene.is_steady and (growth * lengths[:-1] * reach < 0.99).all():
             return None
         finer = replace(self, scene=replace(scene, error_interval=interval / parts, time_step=step))
         prepared = finer.prepare(method)
@@ -389,12 +416,14 @@ class OwnModes:
             result[np.ix_(members, members)] = block[: members.size, : members.size]
         return result
 
-    def in_blocks(self, values: np.ndarray) -> np.ndarray:
-        """Own coordinates (coordinates,) as they stand in the blocks, (n, 2) or (1, s)."""
+    def forces_in_blocks(self, forces: np.ndarray) -> np.ndarray:
+        """Forces on own coordinates (coordinates, terms) as `propagator.prepare` takes them."""
+        forces = forces.T
         if self.blocks.shape[-1] > 2:
-            return values[None]
+            return forces[:, None]
         count = len(self.blocks)
-        return np.stack([values[:count], np.pad(values[count:], (0, self.singles))], axis=1)
+        second = np.pad(forces[:, count:], ((0, 0), (0, self.singles)))
+        return np.stack([forces[:, :count], second], axis=2)
 
 
 def _normal_modes(coupling, rigid, damping):
@@ -440,14 +469,14 @@ class Prepared:
     ----------
     model : LiftedModel
     method : str
-    jumps : Jumps
+    jumps : Jumps, or Steps where coefficients change with time
     start : array, shape (coordinates, N)
         Initial velocity [m/s] to own coordinates.
     """
 
     model: LiftedModel
     method: str
-    jumps: Jumps
+    jumps: Jumps | Steps
     start: np.ndarray
 
     def new_state(self) -> np.ndarray:
@@ -479,13 +508,19 @@ class Prepared:
         return state
 
     def stored(self, state: np.ndarray) -> dict[str, np.ndarray]:
-        """What is kept of a solution: t (times,), and its coordinates (times, modes)."""
+        """What is kept of a solution: t (times,), and its coordinates (times, modes).
+
+        Where coefficients change with time also time_error_estimate (`reduced_in_time.Steps`).
+        """
         velocity, strain = self.model.coordinates(state)
-        return {
+        found = {
             "t": self.model.scene.error_times,
             "scaled_velocity_coordinates": velocity,
             "scaled_strain_coordinates": strain,
         }
+        if isinstance(self.jumps, Steps) and not self.jumps.euler:
+            found["time_error_estimate"] = np.array(self.jumps.time_error)
+        return found
 
     @cached_property
     def shapes(self) -> tuple[np.ndarray, np.ndarray]:

@@ -10,8 +10,9 @@ original
 linearized
     with ρ/ρ0 - 1 in place of 1 - ρ0/ρ (section 2.4), still evaluated on the particles.
 frozen1, frozen2, …
-    the linearized velocity equation in reduced coordinates; the coefficients ρ² and Uvᵀ f are
-    refreshed every n_freeze steps only. frozen1 is the linearized model in another form.
+    the linearized velocity equation in reduced coordinates; the coefficients ρ² and Uvᵀ f, and c
+    and d where they change with time, are refreshed every n_freeze steps only. frozen1 is the
+    linearized model in another form.
 
 Long, as the kernels of all forms of the model stand beside each other.
 """
@@ -24,14 +25,14 @@ from itertools import groupby, islice
 
 import numpy as np
 
-from sphpod.full.sph import SOUND
+from sphpod.full.sph import SOUND, UNCHANGING, Changes, change
 from sphpod.numerics.compiled import compiled, compiled_sums
 from sphpod.numerics.error import FIELDS, blocks, project_solution
 from sphpod.reduced.pod import resolved
 from sphpod.reduced.sweep import failed, report_level
 from sphpod.reduced.sweep import sweep as repeat
 from sphpod.scene.breakdown import RESOLVED, Breakdown, first_broken
-from sphpod.scene.scene import ABSENT, Scene
+from sphpod.scene.scene import Scene
 
 logger = logging.getLogger(__name__)
 
@@ -128,22 +129,52 @@ class ReducedModel:
         density0, dt = scene.density0(), scene.time_step
         # Σ_i Φ_i (1/ρ0_i) (G s)_i is Σ_j s_j times this, as V_i G_ij is antisymmetric.
         shares = velocity_modes / (density0 * scene.volumes)
-        pull = dt * scene.derivative(shares) * scene.volumes * scene.modulus()
+        of_stress = dt * scene.derivative(shares) * scene.volumes
+        pull = of_stress * scene.modulus()
+        stiffening, slowing = self._changes("youngs_modulus", steps), self._slowing(steps)
         stretch = -dt * scene.derivative(velocity_modes) / density0
         start = _padded(velocity_modes @ scene.velocity0()), _padded(density_modes @ density0)
-        decay, damping, amplitude, push = self._project_forces(dt, steps[-1])
-        forces = decay, _padded(damping.T, both=True), amplitude, _padded(push)
+        decay, damping, amplitudes, push = self._project_forces(dt, steps[-1])
+        forces = decay, _padded(damping.T, both=True), amplitudes, _padded(push.T).T.copy()
         on_particles = _padded(stretch), _padded(density_modes)
         if n_freeze == 0:
+            if stiffening[0].size:
+                pull = of_stress
             operators = _padded(pull), *on_particles, density0, self.method == "linearized"
-            return march_particles, *start, operators, forces
+            return march_particles, *start, operators, forces, (stiffening, slowing)
         force = _padded(density_modes @ (pull / density0).T, both=True)
         constant = _padded(-pull.sum(axis=1))
+        if stiffening[0].size:
+            # Of each term of c: the force, and the constant behind it.
+            factors, profiles = stiffening
+            parts = [
+                np.append(
+                    _padded(density_modes @ (of_stress * c / density0).T, both=True),
+                    _padded(-(of_stress * c).sum(axis=1)),
+                )
+                for c in profiles
+            ]
+            stiffening = factors, np.array(parts)
+        changes = stiffening, slowing
         kv, kr = len(velocity_modes), len(density_modes)
         if tensor_is_cheaper(kv, kr, density0.size, n_freeze):
             tensor = _quadratic_tensor(*on_particles, kr)
-            return march_tensor, *start, (force, constant, tensor, n_freeze), forces
-        return march_frozen, *start, (force, constant, *on_particles, n_freeze), forces
+            return march_tensor, *start, (force, constant, tensor, n_freeze), forces, changes
+        return march_frozen, *start, (force, constant, *on_particles, n_freeze), forces, changes
+
+    def _changes(self, key, steps) -> Changes:
+        changing = self.scene.changing(key)
+        if changing is None:
+            return UNCHANGING
+        factors = changing.factors_at(self.scene.times(np.arange(steps[-1])))
+        return np.ascontiguousarray(factors.T), changing.profiles
+
+    def _slowing(self, steps) -> Changes:
+        """Factors of -Δt Uvᵀ D Uv where d changes with time, and the matrix of each, flat."""
+        factors, profiles = self._changes("damping", steps)
+        modes, dt = self.velocity_modes, self.scene.time_step
+        matrices = [_padded(-dt * (modes * d) @ modes.T, both=True).ravel() for d in profiles]
+        return (factors, np.array(matrices)) if matrices else UNCHANGING
 
     def operator(self, density: np.ndarray | None = None) -> np.ndarray:
         """The model linearized about a density at rest, [[-D, A], [-Cᵀ, 0]] of (2.21) to (2.24).
@@ -178,15 +209,18 @@ class ReducedModel:
         )
 
     def system(self) -> dict[str, np.ndarray]:
-        """The model linearized at rest, x' = A x + b + f(t) F, of the coordinates x of both fields.
+        """The model linearized at rest, x' = A x + b + F f(t), of the coordinates x of both fields.
 
         Returns
         -------
         dict
-            reduced_operator A (states, states) as `operator`, reduced_constant b and reduced_force
-            F (states,), f the course of the force in time; velocity_output and density_output
-            (states, N), of which the fields are xᵀ times these.
+            reduced_operator A (states, states) as `operator`, reduced_constant b (states,) and
+            reduced_force F (states, terms), f the courses of the force's terms in time, one of
+            nothing without a force; velocity_output and density_output (states, N), of which the
+            fields are xᵀ times these. Empty where A would change with time.
         """
+        if not self.scene.is_steady:
+            return {}
         scene, v_modes, rho_modes = self.scene, self.velocity_modes, self.density_modes
         kv, kr = len(v_modes), len(rho_modes)
         density0, operator = scene.density0(), self.operator()
@@ -196,12 +230,12 @@ class ReducedModel:
         pull = scene.derivative(v_modes / (density0 * scene.volumes)) * scene.volumes
         constant = -operator[:, kv:] @ start
         constant[:kv] += (pull * scene.modulus()) @ strained
-        _, profile = scene.force_values(np.zeros(1))
-        force = v_modes @ profile if profile.size else np.zeros(kv)
+        _, profiles = scene.force_values(np.zeros(1))
+        force = v_modes @ profiles.T if profiles.size else np.zeros((kv, 1))
         return {
             "reduced_operator": operator,
             "reduced_constant": constant,
-            "reduced_force": np.pad(force, (0, kr)),
+            "reduced_force": np.pad(force, ((0, kr), (0, 0))),
             "velocity_output": np.pad(v_modes, ((0, kr), (0, 0))),
             "density_output": np.pad(rho_modes, ((kv, 0), (0, 0))),
         }
@@ -229,17 +263,19 @@ class ReducedModel:
 
     def _project_forces(self, dt, step_count):
         """Damping and force of a step: 1 - Δt d where d is the same everywhere, else 1 and the
-        matrix -Δt Uvᵀ D Uv; amplitude of the force in every step, and Δt times its projection."""
+        matrix -Δt Uvᵀ D Uv; amplitudes of the force in every step, and Δt times its projections
+        (terms, kv)."""
         scene, modes = self.scene, self.velocity_modes
         d = scene.damping_values()
         decay, damping = 1.0, np.zeros((0, 0))
-        if d.size and d.min() == d.max():
+        steady = scene.changing("damping") is None
+        if steady and d.size and d.min() == d.max():
             decay = 1 - dt * float(d[0])
         elif d.size:
             damping = -dt * (modes * d) @ modes.T
-        amplitude, profile = scene.force_of_steps(step_count)
-        push = dt * modes @ profile if amplitude.size else ABSENT
-        return decay, damping, amplitude, push
+        amplitudes, profiles = scene.force_of_steps(step_count)
+        push = dt * profiles @ modes.T if amplitudes.size else np.zeros((0, len(modes)))
+        return decay, damping, amplitudes, push
 
     def _breakdown(self, velocity_coordinates, density_coordinates, steps):
         row, particle = self._broken(velocity_coordinates, density_coordinates)
@@ -263,7 +299,9 @@ class ReducedModel:
             return steps, -1, -1
         operator = self.operator()
         sides = operator[:kv, kv:], operator[kv:, :kv]
-        rate = np.sqrt(np.prod([np.linalg.norm(side) for side in sides])) * self.scene.time_step
+        stiffer = np.max(self.scene.largest_modulus() / self.scene.modulus())
+        rate = np.sqrt(np.prod([np.linalg.norm(side) for side in sides]) * stiffer)
+        rate *= self.scene.time_step
         every = max(1, int(min(RESOLVED / rate, widest))) if rate > 0 else widest
         if every < widest:
             steps, density_coordinates, found = self._looked_at(steps, every)
@@ -620,22 +658,37 @@ def add_projection(field, modes, coordinates):
 
 
 @compiled
-def add_push(push, amplitude, step, result):
-    """result += amplitude of the force in this step times its projection."""
-    for m in range(push.size):
-        result[m] += amplitude[step] * push[m]
+def add_push(push, amplitudes, step, result):
+    """result += amplitudes of the force in this step times their projections."""
+    for r in range(push.shape[0]):
+        for m in range(push.shape[1]):
+            result[m] += amplitudes[r, step] * push[r, m]
 
 
 @compiled
-def march_particles(state, operators, forces, steps, kept):
+def change_frozen(force, constant, parts, changes, step):
+    """The force of frozen coefficients where c changes with time; ``parts`` is room for both."""
+    change(parts, changes, step)
+    for n in range(force.shape[0]):
+        for m in range(force.shape[1]):
+            force[n, m] = parts[n * force.shape[1] + m]
+    for m in range(constant.size):
+        constant[m] = parts[force.size + m]
+
+
+@compiled
+def march_particles(state, operators, forces, changes, steps, kept):
     """Original and linearized model: the nonlinearity is evaluated on the particles.
 
-    Of all kernels here, ``state`` holds the coordinates of velocity and density, ``kept`` where
-    they are copied to after the given numbers of steps.
+    Of all kernels here, ``state`` holds the coordinates of velocity and density, ``changes`` those
+    of modulus and damping with time, ``kept`` where coordinates are copied to after the given
+    numbers of steps.
     """
     a, b = state
     pull, stretch, density_modes, density0, linear = operators
-    decay, damping, amplitude, push = forces
+    decay, damping, amplitudes, push = forces
+    stiffening, slowing = changes
+    modulus = np.empty(density0.size)
     velocity_coordinates, density_coordinates = kept
     rho, rate = np.empty(density0.size), np.empty(density0.size)
     kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
@@ -656,12 +709,18 @@ def march_particles(state, operators, forces, steps, kept):
             else:
                 for i in range(rho.size):
                     rho[i] = 1.0 - density0[i] / rho[i]
+            if stiffening[0].size:
+                change(modulus, stiffening, step)
+                for i in range(rho.size):
+                    rho[i] *= modulus[i]
+            if slowing[0].size:
+                change(damping.reshape(-1), slowing, step)
             add_projection(rate, density_modes, b)
             add_projection(rho, pull, a)
             if damping.size:
                 add_expansion(old_a, damping, a)
-            if amplitude.size:
-                add_push(push, amplitude, step, a)
+            if amplitudes.size:
+                add_push(push, amplitudes, step, a)
         done = steps[row]
         for m in range(kv):
             velocity_coordinates[row, m] = a[m]
@@ -712,14 +771,16 @@ def add_projection_four(fields, modes, mask, coordinates):
 
 
 @compiled
-def march_four(state, operators, forces, steps, kept):
+def march_four(state, operators, forces, changes, steps, kept):
     """As march_particles, for four models whose modes are the first of the same modes.
 
     The state holds masks too, which are zero at the modes that a model does not have.
     """
     a, b, mask_a, mask_b = state
     pull, stretch, density_modes, density0, linear = operators
-    decay, damping, amplitude, push = forces
+    decay, damping, amplitudes, push = forces
+    stiffening, slowing = changes
+    modulus = np.empty(density0.size)
     velocity_coordinates, density_coordinates = kept
     rho, rate = np.empty((4, density0.size)), np.empty((4, density0.size))
     old_a = a.copy()
@@ -741,6 +802,13 @@ def march_four(state, operators, forces, steps, kept):
                     for i in range(density0.size):
                         rate[g, i] *= rho[g, i] * rho[g, i]
                         rho[g, i] = 1.0 - density0[i] / rho[g, i]
+            if stiffening[0].size:
+                change(modulus, stiffening, step)
+                for g in range(4):
+                    for i in range(density0.size):
+                        rho[g, i] *= modulus[i]
+            if slowing[0].size:
+                change(damping.reshape(-1), slowing, step)
             add_projection_four(rate, density_modes, mask_b, b)
             add_projection_four(rho, pull, mask_a, a)
             if damping.size:
@@ -748,10 +816,10 @@ def march_four(state, operators, forces, steps, kept):
                     for n in range(damping.shape[0]):
                         for m in range(damping.shape[0]):
                             a[g, m] += mask_a[g, m] * damping[n, m] * old_a[g, n]
-            if amplitude.size:
+            for r in range(push.shape[0]):
                 for g in range(4):
-                    for m in range(push.size):
-                        a[g, m] += mask_a[g, m] * push[m] * amplitude[step]
+                    for m in range(push.shape[1]):
+                        a[g, m] += mask_a[g, m] * push[r, m] * amplitudes[r, step]
         done = steps[row]
         for g in range(4):
             for m in range(a.shape[1]):
@@ -761,11 +829,13 @@ def march_four(state, operators, forces, steps, kept):
 
 
 @compiled
-def march_frozen(state, operators, forces, steps, kept):
+def march_frozen(state, operators, forces, changes, steps, kept):
     """Frozen coefficients, with ρ² kept on the particles between refreshes."""
     a, b = state
     force, constant, stretch, density_modes, n_freeze = operators
-    decay, damping, amplitude, push = forces
+    decay, damping, amplitudes, push = forces
+    stiffening, slowing = changes
+    parts = np.empty(force.size + constant.size)
     velocity_coordinates, density_coordinates = kept
     squares, rate = np.empty(density_modes.shape[1]), np.empty(density_modes.shape[1])
     kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
@@ -777,14 +847,18 @@ def march_frozen(state, operators, forces, steps, kept):
                 expand(b, density_modes, squares)
                 for i in range(squares.size):
                     squares[i] *= squares[i]
+                if stiffening[0].size:
+                    change_frozen(force, constant, parts, stiffening, step)
+                if slowing[0].size:
+                    change(damping.reshape(-1), slowing, step)
             for m in range(a.size):
                 old_a[m] = a[m]
                 a[m] = decay * a[m] + constant[m]
             add_expansion(b, force, a)
             if damping.size:
                 add_expansion(old_a, damping, a)
-            if amplitude.size:
-                add_push(push, amplitude, step - step % n_freeze, a)
+            if amplitudes.size:
+                add_push(push, amplitudes, step - step % n_freeze, a)
             expand(old_a, stretch, rate)
             for i in range(rate.size):
                 rate[i] *= squares[i]
@@ -808,11 +882,13 @@ def refresh(b, kr, products, tensor, matrix):
 
 
 @compiled
-def march_tensor(state, operators, forces, steps, kept):
+def march_tensor(state, operators, forces, changes, steps, kept):
     """Frozen coefficients, wholly in reduced coordinates: no particle is seen."""
     a, b = state
     force, constant, tensor, n_freeze = operators
-    decay, damping, amplitude, push = forces
+    decay, damping, amplitudes, push = forces
+    stiffening, slowing = changes
+    parts = np.empty(force.size + constant.size)
     velocity_coordinates, density_coordinates = kept
     kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
     products = np.zeros(tensor.shape[0])
@@ -824,14 +900,18 @@ def march_tensor(state, operators, forces, steps, kept):
         for step in range(done, steps[row]):
             if step % n_freeze == 0:
                 refresh(b, kr, products, tensor, flat)
+                if stiffening[0].size:
+                    change_frozen(force, constant, parts, stiffening, step)
+                if slowing[0].size:
+                    change(damping.reshape(-1), slowing, step)
             for m in range(a.size):
                 old_a[m] = a[m]
                 a[m] = decay * a[m] + constant[m]
             add_expansion(b, force, a)
             if damping.size:
                 add_expansion(old_a, damping, a)
-            if amplitude.size:
-                add_push(push, amplitude, step - step % n_freeze, a)
+            if amplitudes.size:
+                add_push(push, amplitudes, step - step % n_freeze, a)
             add_expansion(old_a, matrix, b)
         done = steps[row]
         for m in range(kv):

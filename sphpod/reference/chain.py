@@ -12,10 +12,11 @@ is z_n = x_n + y_n, and its density that of ρ ∂z/∂x = ρ0 between its neigh
 
 import numpy as np
 
+from sphpod.full.sph import UNCHANGING, change
 from sphpod.numerics.compiled import compiled
 from sphpod.numerics.course import WEIGHTS
 from sphpod.scene.breakdown import Breakdown
-from sphpod.scene.scene import ABSENT, Scene
+from sphpod.scene.scene import ABSENT, NO_FORCE, Scene, at_start
 
 
 def solve(scene: Scene) -> dict[str, np.ndarray]:
@@ -42,15 +43,24 @@ def solve(scene: Scene) -> dict[str, np.ndarray]:
         raise ValueError(f"scene {scene.name}: a chain has evenly spaced masses only")
     x, spacing, dt = scene.positions, scene.spacing, scene.time_step
     density0, steps = scene.density0(), scene.error_steps
-    springs = scene.youngs_modulus(x=x + spacing / 2) / spacing
+    springs = at_start(scene.youngs_modulus, x + spacing / 2) / spacing
     masses = density0 * spacing
     damping = scene.damping_values()
     decay = np.exp(-damping * dt / 2) if damping.size else ABSENT
-    impulses, profile = _impulses(scene, int(steps[-1]))
+    impulses, profiles = _impulses(scene, int(steps[-1]))
+    times = scene.times(np.arange(steps[-1] + 1))
+    stiffening, slowing = UNCHANGING, UNCHANGING
+    if scene.changing("youngs_modulus") is not None:
+        parts = scene.separated(scene.youngs_modulus)
+        factors = np.stack([g(t=times) for g in parts.factors], axis=1)
+        stiffening = factors, parts.profiles(x + spacing / 2) / spacing
+    if (one := scene.changing("damping")) is not None:
+        slowing = np.ascontiguousarray(one.factors_at(times).T), one.profiles * dt / 2
     kept = np.empty((2, steps.size, x.size))
     state = np.stack([scene.initial_velocity(x=x), np.zeros(x.size)])
-    chain = springs / masses, np.roll(springs, 1) / masses, decay, impulses, profile
-    failed = march(state, chain, (dt, spacing, steps), kept)
+    chain = springs / masses, np.roll(springs, 1) / masses, decay, impulses, profiles
+    changes = stiffening, slowing, masses
+    failed = march(state, chain, changes, (dt, spacing, steps), kept)
     if failed >= 0:
         row, mass = divmod(failed, x.size)
         raise Breakdown(scene.name, "the chain", scene.error_times[row], scene.bar_particle(mass))
@@ -60,27 +70,45 @@ def solve(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def _impulses(scene, count):
-    """Impulse of the force in each step, of its time factor (steps,) [m/s]; its profile (N,)."""
+    """Impulses of the force's factors in each step (terms, steps) [m/s]; profiles (terms, N)."""
     courses = scene.courses()
     if not courses:
-        return ABSENT, ABSENT
+        return NO_FORCE, NO_FORCE
     ends = scene.times(np.arange(count + 1))
-    means = sum(course.projected(ends[:-1], ends[1:]) @ WEIGHTS / 2 for course in courses)
-    _, profile = scene.force_values(np.zeros(1))
-    return means * np.diff(ends), profile
+    means = np.stack([one.projected(ends[:-1], ends[1:]) @ WEIGHTS / 2 for one in courses])
+    _, profiles = scene.force_values(np.zeros(1))
+    return means * np.diff(ends), profiles
 
 
 @compiled
-def march(state, chain, schedule, kept):
+def change_chain(chain, changes, step):
+    """Springs by masses, and decay in half a step, where they change with time."""
+    right, left, decay, _, _ = chain
+    stiffening, slowing, masses = changes
+    if stiffening[0].size:
+        change(right, stiffening, step)
+        for n in range(right.size):
+            left[n] = right[n - 1] / masses[n]
+        for n in range(right.size):
+            right[n] /= masses[n]
+    if slowing[0].size:
+        change(decay, slowing, step)
+        for n in range(decay.size):
+            decay[n] = np.exp(-decay[n])
+
+
+@compiled
+def march(state, chain, changes, schedule, kept):
     """Velocity Verlet; velocities and strains at masses in ``kept``, or where a spring gave way."""
     velocity, displacement = state[0], state[1]
-    right, left, decay, impulses, profile = chain
+    right, left, decay, impulses, profiles = chain
     dt, spacing, steps = schedule
     count = velocity.size
     done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
             for half in range(2):
+                change_chain(chain, changes, step + half)
                 if half == 0 and decay.size:
                     for n in range(count):
                         velocity[n] *= decay[n]
@@ -88,9 +116,9 @@ def march(state, chain, schedule, kept):
                     after = displacement[n + 1 if n + 1 < count else 0] - displacement[n]
                     before = displacement[n] - displacement[n - 1]
                     velocity[n] += dt / 2 * (right[n] * after - left[n] * before)
-                if impulses.size:
+                for r in range(impulses.shape[0]):
                     for n in range(count):
-                        velocity[n] += impulses[step] / 2 * profile[n]
+                        velocity[n] += impulses[r, step] / 2 * profiles[r, n]
                 if half == 0:
                     for n in range(count):
                         displacement[n] += dt * velocity[n]

@@ -75,6 +75,8 @@ def kind(scene: Scene) -> str | None:
     "dalembert", "fourier", "two_layer" or None
         See the module; None if no exact solution is known.
     """
+    if not scene.is_steady:
+        return None
     x = _fine_grid(scene)
     density, modulus = scene.initial_density(x=x), scene.youngs_modulus(x=x)
     damping = scene.damping_values(x)
@@ -137,7 +139,8 @@ def solve(scene: Scene) -> dict[str, np.ndarray]:
     if found is None:
         raise ValueError(
             f"scene {scene.name}: no exact solution is known; one needs uniform density, modulus "
-            "and damping, or two layers without damping and with a uniform force at most"
+            "and damping, or two layers without damping and with a uniform force at most, and none "
+            "of modulus and damping may change with time"
         )
     return _evaluate(scene, solution[found], _first_fold(scene, found), "the exact solution")
 
@@ -222,12 +225,13 @@ def _uniform(values):
     return bool(np.ptp(values) <= 1e-12 * np.max(np.abs(values)))
 
 
+def _force_profiles(scene, x):
+    """Profiles of the force's terms at places, (terms, places)."""
+    return scene.force_values(np.zeros(1), x)[1]
+
+
 def _evenly_forced(scene):
-    return (
-        scene.force_time is None
-        or scene.force_profile is None
-        or _uniform(scene.force_profile(x=_fine_grid(scene)))
-    )
+    return all(_uniform(profile) for profile in _force_profiles(scene, _fine_grid(scene)))
 
 
 def _jumps(density, modulus):
@@ -494,8 +498,11 @@ def _first_fold(scene, found):
         return _fold_of_layers(scene)
     x, speed, impulse = _fine_grid(scene), _wave_speed(scene), np.zeros(1)
     if not _evenly_forced(scene):
-        (course,) = scene.courses()
-        impulse = course.impulse(scene.error_times) * np.ptp(scene.force_profile(x=x))
+        ranges = np.ptp(_force_profiles(scene, x), axis=1)
+        impulse = sum(
+            course.impulse(scene.error_times) * part
+            for course, part in zip(scene.courses(), ranges, strict=True)
+        )
 
     def is_calm(signals, time):
         given = np.interp(time, np.arange(impulse.size) * scene.error_interval, impulse)
@@ -650,10 +657,11 @@ def _range_minima(values):
 
 def _rigid_velocity(scene):
     """Velocity that a uniform force gives the whole line, (times,); None if there is none."""
-    if scene.force_time is None or not _evenly_forced(scene):
+    if not scene.forces or not _evenly_forced(scene):
         return None
-    factor = 1.0 if scene.force_profile is None else _bulk(scene, scene.force_profile)
-    block, force = np.zeros((1, 2, 2)), np.array([[[factor, 0.0]]])
+    factors = _force_profiles(scene, _fine_grid(scene)[:1])
+    block, force = np.zeros((1, 2, 2)), np.zeros((len(factors), 1, 2))
+    force[:, 0, :1] = factors
     block[0, 0, 0] = -_uniform_damping(scene)
     velocity = np.zeros((1, scene.error_times.size))
     propagator.prepare(
@@ -667,26 +675,27 @@ def _forced_modes(scene, blocks, damping):
 
     The oscillator x of a mode is carried as the pair x' and ω x.
     """
-    amplitude, _, omega = _spectrum(scene, scene.force_profile)
-    tail = _tail(amplitude / np.maximum(omega, omega[1]))
-    needed = max(1, int(np.count_nonzero(tail > TRUNCATION)))
     count, outputs = scene.particle_count, scene.error_times.size
     fields = np.zeros((2, outputs, count), complex)
-    amplitude[0] /= 2
-    size = min(count, MODES_AT_ONCE)
-    for first in range(0, needed, size):
-        modes = np.arange(first, min(first + size, needed))
-        pairs, force = np.zeros((modes.size, 2, 2)), np.zeros((1, modes.size, 2))
-        pairs[:, 0, 0], pairs[:, 0, 1], pairs[:, 1, 0] = -damping, -omega[modes], omega[modes]
-        force[..., 0] = 1
-        state = np.zeros((2 * modes.size, outputs))
-        propagator.prepare(pairs, 0, force, scene.error_interval, outputs, scene.courses()).run(
-            state
-        )
-        # Modes that the points cannot tell apart are added.
-        velocity, displacement = state[: modes.size].T, state[modes.size :].T
-        fields[0][:, modes % count] += velocity * amplitude[modes]
-        fields[1][:, modes % count] += displacement * (1j / _wave_speed(scene) * amplitude[modes])
+    for term, course in enumerate(scene.courses()):
+        amplitude, _, omega = _spectrum(scene, lambda x, r=term: _force_profiles(scene, x)[r])
+        tail = _tail(amplitude / np.maximum(omega, omega[1]))
+        needed = max(1, int(np.count_nonzero(tail > TRUNCATION)))
+        amplitude[0] /= 2
+        size = min(count, MODES_AT_ONCE)
+        for first in range(0, needed, size):
+            modes = np.arange(first, min(first + size, needed))
+            pairs, force = np.zeros((modes.size, 2, 2)), np.zeros((1, modes.size, 2))
+            pairs[:, 0, 0], pairs[:, 0, 1], pairs[:, 1, 0] = -damping, -omega[modes], omega[modes]
+            force[..., 0] = 1
+            state = np.zeros((2 * modes.size, outputs))
+            propagator.prepare(pairs, 0, force, scene.error_interval, outputs, (course,)).run(state)
+            # Modes that the points cannot tell apart are added.
+            velocity, displacement = state[: modes.size].T, state[modes.size :].T
+            fields[0][:, modes % count] += velocity * amplitude[modes]
+            fields[1][:, modes % count] += displacement * (
+                1j / _wave_speed(scene) * amplitude[modes]
+            )
     for block in blocks:
         velocity, strain = 2 * count * np.fft.ifft(fields[:, block], axis=2).real
         yield velocity, strain

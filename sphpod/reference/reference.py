@@ -10,18 +10,27 @@ in time the midpoint rule with Δt/2 (section 3: "first-order finite difference 
 
 Nodes are evenly spaced always. At particles that are not, the solution is read by cubics through
 the nodes about them, of which the error falls as Δx⁴ where the solution is smooth.
+
+Modulus and damping that change with time are sums of products, of which the means of cells are
+taken once; of the modulus it is the compliance 1/c that is such a sum.
+
+Long, as both references, their means of cells and the estimate of their error share the scheme.
 """
 
 import logging
+from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 import numpy as np
 
-from sphpod.full.sph import SOUND, sound_steps
+from sphpod.full.sph import SOUND, UNCHANGING, Changes, change, largest_force, sound_steps
 from sphpod.numerics.compiled import compiled
 from sphpod.numerics.course import POINTS, WEIGHTS
 from sphpod.numerics.error import FIELDS
+from sphpod.numerics.separation import Products, Separated
 from sphpod.scene.breakdown import Breakdown
-from sphpod.scene.scene import ABSENT, Scene
+from sphpod.scene.scene import ABSENT, NO_FORCE, Scene
 
 logger = logging.getLogger(__name__)
 
@@ -190,28 +199,42 @@ def _solve(scene, refinement, shift):
     between = (nodes - shift * spacing) % scene.domain_length
     steps = refinement * scene.error_steps
     # The midpoint rule samples the force at the start and in the middle of a step.
-    amplitude, profile = scene.force_of_steps(2 * steps[-1], 2 * refinement, nodes)
+    samples, amplitudes, profiles = ABSENT, NO_FORCE, NO_FORCE
+    if scene.forces or not scene.is_steady:
+        samples = scene.times(np.arange(2 * steps[-1] + 1), 2 * refinement)
+        amplitudes, profiles = scene.force_values(samples[:-1], nodes)
     density0 = scene.initial_density(x=between)
     if shift:
-        _weigh_breaks(scene, refinement, amplitude)
-        inertia, modulus, damping, profile, readers = _cell_means(scene, nodes.size)
-        compliance = _compliance(scene)
+        _weigh_breaks(scene, refinement, amplitudes)
+        inertia, compliances, dampings, profiles, readers = _cell_means(scene, nodes.size)
+        softness = _terms(_compliance(scene), lambda p: _at_particles(scene, p))
     else:
-        inertia, modulus = scene.initial_density(x=nodes), scene.youngs_modulus(x=between)
-        damping, compliance = scene.damping_values(nodes), ABSENT
+        inertia = scene.initial_density(x=nodes)
+        compliances = _terms(_compliance(scene), lambda p: p(between))
+        dampings = _terms(_damping(scene), lambda p: p(nodes))
+        softness = NO_FORCE
         reader = _reader(scene.positions / spacing, np.arange(nodes.size), nodes.size)
         readers = *reader, *reader
+    compliance, softening = _of_time(_compliance(scene), compliances, samples)
+    # As it stands, where nothing is made of it: a quotient of a quotient may differ by rounding.
+    as_it_stands = not shift and scene.changing("youngs_modulus") is None
+    modulus = scene.youngs_modulus(x=between) if as_it_stands else 1 / compliance
+    damping, slowing = _of_time(_damping(scene), dampings, samples)
+    compliance, reading = _of_time(_compliance(scene), softness, samples)
     velocity = np.empty((steps.size, scene.particle_count))
     density = np.empty_like(velocity)
     material = modulus, density0, 1 / (density0 * spacing), 1 / (inertia * spacing)
-    forces = damping, amplitude, profile
+    forces = damping, amplitudes, profiles
     state = np.zeros((7, nodes.size + 1))
     state[0, 1:] = scene.initial_velocity(x=nodes)
     state[0, 0] = state[0, -1]
     state[1, :-1] = density0
-    pace = _fastest_change(modulus, inertia, forces, spacing, dt)
+    stiffest = scene.largest_modulus().max() if softening[0].size else modulus.max()
+    most_damped = scene.damping_range()[1] if slowing[0].size else damping.max(initial=0.0)
+    pace = _fastest_change(stiffest, inertia, (most_damped, *forces[1:]), spacing, dt)
     at_particles = readers, scene.density0(), compliance
-    failed = march(state, material, forces, at_particles, (dt, steps, pace), (velocity, density))
+    changes, schedule = (softening, slowing, reading), (dt, steps, pace)
+    failed = march(state, material, forces, changes, at_particles, schedule, (velocity, density))
     if failed >= 0:
         row, particle = divmod(failed, scene.particle_count)
         raise Breakdown(
@@ -223,13 +246,65 @@ def _solve(scene, refinement, shift):
     return {"t": scene.error_times, "x": scene.positions, "velocity": velocity, "density": density}
 
 
-def _weigh_breaks(scene, refinement, amplitude):
+Coefficient = Callable[[np.ndarray], np.ndarray] | Separated | None
+"""A function of places, a sum of products where it changes with time, or none."""
+
+
+def _damping(scene) -> Coefficient:
+    if scene.damping is None or scene.changing("damping") is None:
+        return scene.damping and (lambda x: scene.damping(x=x))
+    return scene.separated(scene.damping)
+
+
+def _compliance(scene) -> Coefficient:
+    """1/c [1/Pa]."""
+    modulus = scene.youngs_modulus
+    if scene.changing("youngs_modulus") is None:
+        return lambda x: 1 / modulus(x=x)
+    return scene.separated(modulus.rewritten(f"1/({modulus.text})"))
+
+
+def _terms(coefficient, seen):
+    """Profiles of a coefficient as ``seen`` has them, which makes (n,) of a function of places.
+
+    Returns
+    -------
+    array, shape (terms, n)
+    """
+    if coefficient is None:
+        return NO_FORCE
+    if isinstance(coefficient, Separated):
+        return _each(coefficient.profiles, len(coefficient.factors), seen)
+    return seen(coefficient)[None]
+
+
+def _each(profiles, count, seen):
+    """As `_terms`, of a function that gives all profiles at places, (count, places)."""
+    last: list[Any] = [None, None]
+
+    def profile(x, r):
+        if last[0] is not x:
+            last[:] = x, profiles(x)
+        return last[1][r]
+
+    return np.stack([seen(lambda x, r=r: profile(x, r)) for r in range(count)])
+
+
+def _of_time(coefficient, profiles, times) -> tuple[np.ndarray, Changes]:
+    """A coefficient at the start from its profiles, and how it changes over times."""
+    if not len(profiles) or not isinstance(coefficient, Separated):
+        return (profiles[0] if np.any(profiles) else ABSENT), UNCHANGING
+    factors = np.stack([factor(t=times) for factor in coefficient.factors], axis=1)
+    return factors[0] @ profiles, (factors, profiles)
+
+
+def _weigh_breaks(scene, refinement, amplitudes):
     """Give the steps within which the force breaks what it does in them, in place of samples.
 
     Sampled at a moment, a jump would move by up to half a step, and a pulse could be missed. The
     first stage stands for the displacement of a step, the second for its change of velocity.
     """
-    for course in scene.courses():
+    for course, amplitude in zip(scene.courses(), amplitudes, strict=True):
         ends = scene.times(np.arange(amplitude.size // 2 + 1), refinement)
         within = np.unique(np.searchsorted(ends, np.setdiff1d(course.edges, ends)) - 1)
         within = within[(within >= 0) & (within < ends.size - 1)]
@@ -256,42 +331,64 @@ def _cell_means(scene, count):
     def parts(function):
         return _means(function, x, scene.domain_length)
 
+    def parts_of_terms(function):
+        return _means(function, x, scene.domain_length, alone=True)
+
     def about_nodes(values):
         return np.roll(values, CELL_PARTS // 2).reshape(count, CELL_PARTS).mean(axis=1)
 
     def per_mass(values, places):
         return scene.initial_density(x=places) * values
 
+    def weighed(function, means=parts):
+        return about_nodes(means(lambda at: per_mass(function(at), at))) / inertia
+
     masses = parts(lambda places: scene.initial_density(x=places))
-    compliances = parts(lambda places: 1 / scene.youngs_modulus(x=places))
     inertia = about_nodes(masses)
-    modulus = 1 / np.roll(compliances.reshape(count, CELL_PARTS).mean(axis=1), 1)
-    damping, profile = scene.damping_values(x), ABSENT
-    if damping.size:
-        damping = about_nodes(parts(lambda at: per_mass(scene.damping(x=at), at))) / inertia
-    if scene.force_time is not None:
-        start = np.zeros(1)
-        pushed = parts(lambda at: per_mass(scene.force_values(start, at)[1], at))
-        profile = about_nodes(pushed) / inertia
+    steady = scene.changing("youngs_modulus") is None
+    softness = _terms(_compliance(scene), parts if steady else parts_of_terms)
+    means = softness.reshape(len(softness), count, CELL_PARTS).mean(axis=2)
+    dampings = _terms(_damping(scene), weighed)
+    profiles = NO_FORCE
+    if scene.forces:
+        profiles = np.concatenate(
+            [
+                _each(
+                    term.profiles,
+                    len(term.factors),
+                    weighed
+                    if isinstance(term, Products)
+                    else partial(weighed, means=parts_of_terms),
+                )
+                for term in scene.force_terms
+            ]
+        )
+    # Of a modulus that changes with time, the compliances at the start stand for all.
+    compliances, _ = _of_time(_compliance(scene), softness, np.zeros(1))
     velocity_reader, stress_reader = (
         _reader_across(scene, values, shift)
         for values, shift in ((compliances, 0), (masses, CELL_PARTS // 2))
     )
-    return inertia, modulus, damping, profile, (*velocity_reader, *stress_reader)
+    at_left = np.ascontiguousarray(np.roll(means, 1, axis=1))
+    return inertia, at_left, dampings, profiles, (*velocity_reader, *stress_reader)
 
 
-def _means(function, x, length):
+def _means(function, x, length, alone=False):
     """Means of a periodic function over parts of its period, of which x are the midpoints.
 
     The midpoint rule; what changes much from one midpoint to the next is taken to jump, at a place
-    that is found by bisection.
+    that is found by bisection; or what also changes ten times more there than on either side.
     """
     width = length / x.size
     values = function(x)
     after = np.roll(values, -1)
     # Part of the way to the next midpoint that has the value of this one.
     share = np.full(x.size, 0.5)
-    steep = np.flatnonzero(np.abs(after - values) > JUMP * np.abs(values).max())
+    change = np.abs(after - values)
+    steep = change > JUMP * np.abs(values).max()
+    if alone:
+        steep &= change > 10 * np.maximum(np.roll(change, 1), np.roll(change, -1))
+    steep = np.flatnonzero(steep)
     if steep.size:
         low, high = np.zeros(steep.size), np.ones(steep.size)
         for _ in range(30):
@@ -335,12 +432,11 @@ def _reader(places, at, period):
     return index % at.size, weights
 
 
-def _compliance(scene):
-    """1/c at the particles [1/Pa]; the mean of both sides where the modulus jumps at one."""
+def _at_particles(scene, function):
+    """A function of places at the particles; the mean of both sides where it jumps at one."""
     aside = 1e-9 * scene.spacing
     left, right = (
-        1 / scene.youngs_modulus(x=(scene.positions + way) % scene.domain_length)
-        for way in (-aside, aside)
+        function((scene.positions + way) % scene.domain_length) for way in (-aside, aside)
     )
     return (left + right) / 2
 
@@ -353,7 +449,7 @@ def stage(states, stress, material, forces, sample, dt):
     """
     (v, rho), (base_v, base_rho), (new_v, new_rho) = states
     modulus, density0, stretch, inertia = material
-    damping, amplitude, profile = forces
+    damping, amplitudes, profiles = forces
     count = density0.size
     for j in range(count):
         stress[j] = modulus[j] * (density0[j] / rho[j] - 1.0)
@@ -365,24 +461,35 @@ def stage(states, stress, material, forces, sample, dt):
     if damping.size:
         for j in range(count):
             new_v[j + 1] -= dt * damping[j] * v[j + 1]
-    if amplitude.size:
-        push = dt * amplitude[sample]
+    for r in range(amplitudes.shape[0]):
+        push = dt * amplitudes[r, sample]
         for j in range(count):
-            new_v[j + 1] += push * profile[j]
+            new_v[j + 1] += push * profiles[r, j]
     new_v[0] = new_v[count]
 
 
-def _fastest_change(modulus, inertia, forces, spacing, dt):
+@compiled
+def coefficients_at(modulus, damping, softening, slowing, sample):
+    """Modulus and damping of the nodes at a sample, where they change with time."""
+    if softening[0].size:
+        change(modulus, softening, sample)
+        for j in range(modulus.size):
+            modulus[j] = 1 / modulus[j]
+    if slowing[0].size:
+        change(damping, slowing, sample)
+
+
+def _fastest_change(stiffest, inertia, forces, spacing, dt):
     """How fast strains and velocities of the nodes can grow, as `sph.fastest_change` has it.
 
     The midpoint rule changes the Jacobian J to J' by J J'/M² Δt s, M that in the middle of a step:
     by 9 Δt |s| at most while all strains are below one half.
     """
-    damping, amplitude, profile = forces
-    speed = np.sqrt(modulus.max()) / np.sqrt(inertia.min())
-    push = np.abs(amplitude).max(initial=0.0) * np.abs(profile).max(initial=0.0)
+    most_damped, amplitudes, profiles = forces
+    speed = np.sqrt(stiffest) / np.sqrt(inertia.min())
+    push = largest_force(amplitudes, profiles)
     z, scale = 6 * speed / spacing * dt, 3 / speed
-    known = z <= 1 and dt * damping.max(initial=0.0) <= 2 and dt * scale * push < np.inf
+    known = z <= 1 and dt * most_damped <= 2 and dt * scale * push < np.inf
     return float(z + z**2) if known else np.inf, float(scale), float(dt * scale * push)
 
 
@@ -403,8 +510,11 @@ def look(v, rho, density0, pace):
 
 
 @compiled
-def march(state, material, forces, at_particles, schedule, kept):
+def march(state, material, forces, changes, at_particles, schedule, kept):
     """Midpoint rule; keeps velocity and density at the particles.
+
+    ``changes`` are those of the nodes' compliance and damping with time, from sample to sample, two
+    in a step, and of the compliance at the particles.
 
     ``state`` holds velocity and density, old, in the middle of a step and new, and the stress;
     ``schedule`` the step, those after which fields are kept, and `_fastest_change`.
@@ -414,6 +524,8 @@ def march(state, material, forces, at_particles, schedule, kept):
     old, middle, new = (state[0], state[1]), (state[2], state[3]), (state[4], state[5])
     stress, modulus, density0 = state[6], material[0], material[1]
     (nodes, node_weights, cells, cell_weights), particle_density0, compliance = at_particles
+    softening, slowing, reading = changes
+    changed = softening[0].size > 0 or slowing[0].size > 0
     dt, steps, pace = schedule
     velocity, density = kept
     count = velocity.shape[1]
@@ -421,7 +533,11 @@ def march(state, material, forces, at_particles, schedule, kept):
     next_look, done = 1, 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
+            if changed:
+                coefficients_at(modulus, forces[0], softening, slowing, 2 * step)
             stage((old, old, middle), stress, material, forces, 2 * step, dt / 2)
+            if changed:
+                coefficients_at(modulus, forces[0], softening, slowing, 2 * step + 1)
             stage((middle, old, new), stress, material, forces, 2 * step + 1, dt)
             old, new = new, old
             if step + 1 >= next_look:
@@ -431,6 +547,9 @@ def march(state, material, forces, at_particles, schedule, kept):
                 next_look = step + 1 + sound
         done = steps[row]
         v, rho = old
+        if reading[0].size:
+            coefficients_at(modulus, forces[0], softening, slowing, 2 * done)
+            change(compliance, reading, 2 * done)
         for i in range(count):
             speed, jacobian, sound = 0.0, 0.0, True
             for n in range(4):

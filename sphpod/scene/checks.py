@@ -2,10 +2,13 @@
 
 import numpy as np
 
+from sphpod.numerics.course import Course
 from sphpod.numerics.enclosure import enclose
+from sphpod.numerics.expressions import Expression
+from sphpod.numerics.separation import instants
 from sphpod.scene.ends import VELOCITY
 from sphpod.scene.kernel import derivative_coefficient, neighbour_count
-from sphpod.scene.scene import Scene, is_whole
+from sphpod.scene.scene import Scene, force_keys, is_whole
 from sphpod.scene.waves import GROWTH_LIMIT, growth_factor, largest_time_step
 
 MOVING = (1e-140, 1e140)
@@ -19,6 +22,9 @@ LEAST_DERIVATIVE = 0.01
 
 POINTS = 8, 400_000
 """Points that a profile is checked at, for each particle, but not more than so many in all."""
+
+LOOKED_AT = 4096, 512
+"""Places and times at which a function of both is checked, at most."""
 
 MOST_PAIRS = {True: 100_000_000, False: 5_000_000}
 """Neighbours on one side of all particles together: evenly spaced ones, and others."""
@@ -69,8 +75,7 @@ def check_setting(scene: Scene) -> None:
     count = parts * (scene.bar_count - 1) + 1 if scene.ends else parts * scene.particle_count
     fine = np.arange(count) * (scene.spacing / parts)
     _check_profiles(scene, fine, refuse)
-    if scene.force_time is not None:
-        _check_force(scene, fine, refuse)
+    _check_force(scene, fine, refuse)
 
 
 def _check_times(scene, refuse):
@@ -167,44 +172,75 @@ def _check_ends(scene, refuse):
 def _check_profiles(scene, fine, refuse):
     """Refuse values that are not finite, or of a sign that nothing has."""
     velocity = scene.initial_velocity(x=fine)
-    _check_values(scene, "initial_velocity", velocity, fine, refuse)
+    _check_values("initial_velocity", scene.initial_velocity, velocity, {"x": fine}, refuse)
     _check_moving("initial_velocity", scene.initial_velocity.text, velocity, refuse)
-    for key in ("initial_density", "youngs_modulus"):
-        values = getattr(scene, key)(x=fine)
-        _check_values(scene, key, values, fine, refuse)
-        if values.min() <= 0:
-            worst = int(values.argmin())
-            refuse(
-                key,
-                getattr(scene, key).text,
-                f"it is {values[worst]:g} at x = {fine[worst]:g} and must be positive everywhere",
-            )
-    if scene.damping is not None:
-        values = scene.damping(x=fine)
-        _check_values(scene, "damping", values, fine, refuse)
-        if values.min() < 0:
-            worst = int(values.argmin())
-            refuse(
-                "damping",
-                scene.damping.text,
-                f"it is {values[worst]:g} at x = {fine[worst]:g} and must not be negative",
-            )
+    for key in ("initial_density", "youngs_modulus", "damping"):
+        expression = getattr(scene, key)
+        if expression is None:
+            continue
+        for points in _looked_at(scene, expression, key, fine, refuse):
+            values = expression(**points)
+            _check_values(key, expression, values, points, refuse)
+            allowed = values >= 0 if key == "damping" else values > 0
+            if not allowed.all():
+                worst = int(np.where(allowed, np.inf, values).argmin())
+                must = "not be negative" if key == "damping" else "be positive everywhere"
+                refuse(
+                    key,
+                    expression.text,
+                    f"it is {values.flat[worst]:g} at {_place(points, worst)} and must {must}",
+                )
+
+
+def _looked_at(scene, expression, key, fine, refuse):
+    """Points at which a function is checked, of one of x and t at times that its course shows."""
+    if expression.variables == ("x",):
+        yield {"x": fine}
+        return
+    places = fine[:: max(1, fine.size // LOOKED_AT[0])]
+    for times in (np.linspace(0, scene.duration, LOOKED_AT[1]), None):
+        if times is None:
+            try:
+                parts = scene.separated(expression)
+            except ValueError as error:
+                refuse(key, expression.text, str(error))
+            courses = [Course.of(factor, scene.duration) for factor in parts.factors]
+            times = instants(courses, LOOKED_AT[1])
+        yield {"x": places[:, None], "t": times}
+
+
+def _place(points, index):
+    """The point with an index into the flat values at points that broadcast together."""
+    arrays = np.broadcast_arrays(*points.values())
+    at = zip(points, (array.flat[index] for array in arrays), strict=True)
+    return ", ".join(f"{name} = {value:g}" for name, value in at)
 
 
 def _check_force(scene, fine, refuse):
     """Refuse a force that is not finite at some time or place."""
     times = scene.error_times
-    force = scene.force_time(t=times)
-    _check_values(scene, "force", force, times, refuse, "t")
-    _check_moving("force", scene.force_time.text, force, refuse)
-    if not _is_bounded(scene.force_time, scene.duration):
-        for course in scene.courses():
-            if not np.isnan(course.singular):
-                _check_values(scene, "force", [np.nan], [course.singular], refuse, "t")
-    if scene.force_profile is not None:
-        profile = scene.force_profile(x=fine)
-        _check_values(scene, "force.profile", profile, fine, refuse)
-        _check_moving("force.profile", scene.force_profile.text, profile, refuse)
+    for key, term in zip(force_keys(scene), scene.forces, strict=True):
+        if isinstance(term, Expression):
+            largest = 0.0
+            for points in _looked_at(scene, term, key, fine, refuse):
+                values = term(**points)
+                _check_values(key, term, values, points, refuse)
+                largest = max(largest, np.abs(values).max())
+            _check_moving(key, term.text, largest, refuse)
+            continue
+        for factor, shape in zip(term.factors, term.shapes, strict=True):
+            force = factor(t=times)
+            _check_values(key, factor, force, {"t": times}, refuse)
+            _check_moving(key, factor.text, force, refuse)
+            if not _is_bounded(factor, scene.duration):
+                course = Course.of(factor, scene.error_times[-1])
+                if not np.isnan(course.singular):
+                    at = {"t": np.array([course.singular])}
+                    _check_values(key, factor, np.array([np.nan]), at, refuse)
+            if shape is not None:
+                profile = shape(x=fine)
+                _check_values(f"{key}.profile", shape, profile, {"x": fine}, refuse)
+                _check_moving(f"{key}.profile", shape.text, profile, refuse)
 
 
 def number(value: float) -> str:
@@ -215,16 +251,30 @@ def number(value: float) -> str:
 
 def _check_work(scene, refuse):
     """Refuse sums of so many terms that to check them alone would take long."""
-    profiles = ("initial_velocity", "initial_density", "youngs_modulus", "damping", "force_profile")
-    places = [(key, scene.particle_count, "particles") for key in profiles]
-    for key, times, what in [*places, ("force_time", scene.error_steps.size, "times")]:
-        expression = getattr(scene, key)
-        if expression is not None and expression.terms * times > MOST_TERMS:
-            most = max(1, MOST_TERMS // times)
+    places, times = scene.particle_count, scene.error_steps.size
+    functions = [
+        (key, getattr(scene, key))
+        for key in ("initial_velocity", "initial_density", "youngs_modulus", "damping")
+    ]
+    for key, term in zip(force_keys(scene), scene.forces, strict=True):
+        if isinstance(term, Expression):
+            functions.append((key, term))
+        else:
+            functions += [(key, factor) for factor in term.factors]
+            functions += [(f"{key}.profile", shape) for shape in term.shapes]
+    for key, expression in functions:
+        if expression is None:
+            continue
+        points, what = (places, "particles") if "x" in expression.variables else (times, "times")
+        if "t" in expression.variables and points == places:
+            # Of a function of both, few times are looked at together.
+            points = max(places, LOOKED_AT[1])
+        if expression.terms * points > MOST_TERMS:
+            most = max(1, MOST_TERMS // points)
             refuse(
-                key.replace("_time", "").replace("force_", "force."),
+                key,
                 expression.text,
-                f"its sums have {expression.terms} terms; at {times} {what}, {most} are allowed",
+                f"its sums have {expression.terms} terms; at {points} {what}, {most} are allowed",
             )
 
 
@@ -247,13 +297,7 @@ def _is_bounded(force, duration):
     return bool(np.isfinite([bounds.low, bounds.high]).all())
 
 
-def _check_values(scene, key, values, points, refuse, variable="x"):
+def _check_values(key, expression, values, points, refuse):
     bad = np.flatnonzero(~np.isfinite(values))
     if bad.size:
-        refuse(
-            key,
-            getattr(
-                scene, {"force": "force_time", "force.profile": "force_profile"}.get(key, key)
-            ).text,
-            f"it is not finite at {variable} = {points[bad[0]]:g}",
-        )
+        refuse(key, expression.text, f"it is not finite at {_place(points, bad[0])}")

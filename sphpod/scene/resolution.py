@@ -16,7 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from sphpod.scene.scene import Scene
+from sphpod.scene.scene import Scene, force_keys
 
 logger = logging.getLogger(__name__)
 
@@ -164,15 +164,24 @@ def predict(scene: Scene) -> dict[str, float]:
         )  # fmt: skip
     else:
         part = _told(scene, "initial_velocity", scene.initial_velocity)
-    if scene.force_time is not None and scene.force_profile is not None:
-        _told(scene, "force.profile", scene.force_profile, smoothed=1)
+    for key, profile in _shapes_of_force(scene):
+        _told(scene, key, profile, smoothed=1)
     for key in ("initial_density", "youngs_modulus", "damping"):
         profile = getattr(scene, key)
-        if profile is not None:
+        # What changes with time is looked at by the solutions that step it.
+        if profile is not None and profile.variables == ("x",):
             values = profile(x=_grid(length, points))
             if np.ptp(values) > REPORTED_JUMP * np.abs(values).max():
                 _told(scene, key, profile, allowed=REPORTED_MATERIAL)
     return {"unresolved_energy": part, "velocity_jump": jump * largest}
+
+
+def _shapes_of_force(scene):
+    """Key and profile of each term of the force that has one in the configuration."""
+    for key, term in zip(force_keys(scene), scene.forces, strict=True):
+        shape = getattr(term, "shapes", [None])[0]
+        if shape is not None:
+            yield f"{key}.profile", shape
 
 
 def _told(scene, key, expression, smoothed=0, allowed=REPORTED_ENERGY):

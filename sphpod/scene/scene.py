@@ -1,7 +1,10 @@
-"""What is simulated: domain, initial state, material, damping, force, and discretisation."""
+"""What is simulated: domain, initial state, material, damping, force, and discretisation.
+
+Long, as all models ask one class for what its numbers and formulas are at the particles.
+"""
 
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
 from typing import Any
@@ -9,7 +12,9 @@ from typing import Any
 import numpy as np
 
 from sphpod.numerics.course import Course
+from sphpod.numerics.error import blocks
 from sphpod.numerics.expressions import Expression
+from sphpod.numerics.separation import Products, Separated, instants, separate
 from sphpod.scene.ends import MATERIAL, VELOCITY, Ends, Mirrored
 from sphpod.scene.kernel import derivative, neighbour_lists, stencil_weights
 
@@ -36,11 +41,50 @@ PHYSICS_KEYS = (
 MOMENTUM = 1e-12
 """Part of Σ m |v0| from which the total momentum Σ m v0 is not taken for rounding."""
 
+IN_X, IN_T, IN_X_AND_T = ("x",), ("t",), ("x", "t")
+"""Variables of formulas."""
+
 MOST_STEPS = 10**15
 """Time steps up to which a time is a whole number of them."""
 
 ABSENT = np.zeros(0)
-"""Stands for a damping or force that a scene does not have."""
+"""Stands for a damping that a scene does not have."""
+
+NO_FORCE = np.zeros((0, 0))
+"""Stands for the factors in time, or the profiles, of a force that a scene does not have."""
+
+
+@dataclass(frozen=True)
+class Changing:
+    """A coefficient that changes with time, as Σ_r g_r(t) p_r(x).
+
+    Attributes
+    ----------
+    factors : tuple of Expressions in t
+        g_r, in the coefficient's unit.
+    profiles : array, shape (r, N)
+        p_r at the particles.
+    duration : float
+        T [s].
+    """
+
+    factors: tuple[Expression, ...]
+    profiles: np.ndarray
+    duration: float
+
+    def factors_at(self, times: np.ndarray) -> np.ndarray:
+        """g_r at times [s], shape (r, times)."""
+        times = np.asarray(times, np.float64)
+        return np.array([factor(t=times) for factor in self.factors])
+
+    def at(self, times: np.ndarray) -> np.ndarray:
+        """The coefficient at times [s], shape (times, N)."""
+        return self.factors_at(times).T @ self.profiles
+
+    @property
+    def courses(self) -> tuple[Course, ...]:
+        """Course of each factor."""
+        return tuple(Course.of(factor, self.duration) for factor in self.factors)
 
 
 @dataclass(frozen=True)
@@ -59,13 +103,12 @@ class Scene:
         Δt [s], and the distance of the times over which errors are summed [s].
     interface : "mean" or None
         With "mean", SPH takes the modulus of a particle as the mean of its two half cells.
-    initial_velocity, initial_density, youngs_modulus : Expression in x
-        v0 [m/s], ρ0 [kg/m³], c [Pa].
-    damping : Expression in x, or None
-        d [1/s].
-    force_time, force_profile : Expression in t and in x, or None
-        External force per mass f(x, t) = force_profile(x) force_time(t) [m/s²]; a force without
-        profile is uniform.
+    initial_velocity, initial_density : Expression in x
+        v0 [m/s], ρ0 [kg/m³].
+    youngs_modulus, damping : Expression in x, or in x and t
+        c [Pa] and d [1/s]; without damping None.
+    forces : tuple of Products, or Expressions in x and t
+        Terms of the external force per mass f(x, t) [m/s²].
     jitter, seed : float and int
         Largest distance, in spacings, of a particle at rest from its place in an evenly spaced row,
         drawn at random from this seed; the row as a whole is shifted for the first particle to be
@@ -88,8 +131,7 @@ class Scene:
     initial_density: Expression
     youngs_modulus: Expression
     damping: Expression | None
-    force_time: Expression | None
-    force_profile: Expression | None
+    forces: tuple[Products | Expression, ...] = ()
     jitter: float = 0.0
     seed: int = 0
     ends: Ends | None = None
@@ -112,25 +154,33 @@ class Scene:
         if ends:
             length, count = ends.copies * length, ends.copies * (count - 1)
 
-        def expression(key, text, variable):
-            try:
-                found = Expression(text, (variable,), constants)
-            except ValueError as error:
-                raise ValueError(f"scene {name}: {key}: {error}") from None
+        def expression(key, text, *allowed):
+            found = _formula(f"scene {name}: {key}", text, allowed, constants)
             if ends is None or "x" not in found.variables:
                 return found
             odd = VELOCITY if key.startswith(("initial_velocity", "force")) else MATERIAL
             return Mirrored(found, ends, length / count, odd)
 
-        def profile(key):
-            return expression(key, settings[key], "x") if key in settings else None
+        def profile(key, *allowed):
+            return expression(key, settings[key], *allowed) if key in settings else None
 
-        force = settings.get("force")
-        parts = {f"force.{k}": v for k, v in force.items()} if isinstance(force, dict) else {}
-        time = parts.get("force.time", None if parts else force)
-        shape = parts.get("force.profile")
-        if ends and ends.is_fixed and time is not None and shape is None:
-            shape = 1  # All over the bar, but not all over the line.
+        def force(key, term):
+            if isinstance(term, dict):
+                factor = expression(f"{key}.time", term["time"], IN_T)
+                shape = expression(f"{key}.profile", term["profile"], IN_X)
+                return Products((factor,), (shape,))
+            found = expression(key, term, IN_T, IN_X_AND_T)
+            if found.variables == IN_X_AND_T:
+                return found
+            # What is the same all over a bar is not the same all over the line.
+            fixed = ends is not None and ends.is_fixed
+            return Products((found,), (expression(key, 1, IN_X) if fixed else None,))
+
+        given = settings.get("force", [])
+        if isinstance(given, list):
+            forces = tuple(force(f"force.{n}", term) for n, term in enumerate(given))
+        else:
+            forces = (force("force", given),)
         places = settings.get("positions", {})
         return cls(
             name=name,
@@ -141,14 +191,11 @@ class Scene:
             time_step=step,
             error_interval=interval,
             interface=settings.get("interface"),
-            initial_velocity=profile("initial_velocity"),
-            initial_density=profile("initial_density"),
-            youngs_modulus=profile("youngs_modulus"),
-            damping=profile("damping"),
-            force_time=(
-                None if time is None else expression("force.time" if parts else "force", time, "t")
-            ),
-            force_profile=None if shape is None else expression("force.profile", shape, "x"),
+            initial_velocity=profile("initial_velocity", IN_X),
+            initial_density=profile("initial_density", IN_X),
+            youngs_modulus=profile("youngs_modulus", IN_X, IN_X_AND_T),
+            damping=profile("damping", IN_X, IN_X_AND_T),
+            forces=forces,
             jitter=float(places.get("jitter", 0.0)),
             seed=places.get("seed", 0),
             ends=ends,
@@ -205,7 +252,12 @@ class Scene:
     @property
     def is_conservative(self) -> bool:
         """Whether nothing damps or pushes the waves, so that they keep their energy."""
-        return self.force_time is None and not self.damping_values().size
+        return self.is_steady and not self.forces and not self.damping_values().size
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether modulus and damping do not change with time."""
+        return self.changing("youngs_modulus") is None and self.changing("damping") is None
 
     @property
     def translates(self) -> bool:
@@ -216,8 +268,10 @@ class Scene:
         """
         if not self.is_even or (self.ends and self.ends.is_fixed):
             return False
+        if self.forces or self.changing("damping") is not None:
+            return True
         damping = self.damping_values()
-        if self.force_time is not None or (damping.size and damping.min() < damping.max()):
+        if damping.size and damping.min() < damping.max():
             return True
         momentum = self.density0() * self.velocity0()
         return bool(abs(momentum.sum()) > MOMENTUM * np.abs(momentum).sum())
@@ -262,54 +316,119 @@ class Scene:
         """Initial density of the particles [kg/m³], shape (N,)."""
         return self.initial_density(x=self.positions)
 
+    def changing(self, key: str) -> Changing | None:
+        """``youngs_modulus`` or ``damping`` at the particles where it changes with time."""
+        expression = getattr(self, key)
+        if expression is None or expression.variables != IN_X_AND_T:
+            return None
+        parts = self.separated(expression)
+        if key == "damping" or self.interface is None:
+            profiles = parts.profiles(self.positions)
+        else:
+            profiles = np.mean([parts.profiles(x) for x in self._half_cells()], axis=0)
+        return Changing(parts.factors, np.ascontiguousarray(profiles), self.duration)
+
+    def separated(self, expression: Expression) -> Separated:
+        """A function of x and t as a sum of products, at the particles."""
+        if isinstance(expression, Mirrored):
+            parts = separate(expression.expression, self.duration, self.positions[: self.bar_count])
+            return expression.of_line(parts)
+        return separate(expression, self.duration, self.positions)
+
     def modulus(self) -> np.ndarray:
-        """Young's modulus of the particles in SPH [Pa], shape (N,)."""
+        """Young's modulus of the particles in SPH [Pa], shape (N,); of one that changes, at t = 0.
+
+        The scaled strain √(V c) e of a modulus that changes has this one in it, too.
+        """
         if self.interface is None:
-            return self.youngs_modulus(x=self.positions)
-        quarter = self.spacing / 4
-        left, right = (
-            self.youngs_modulus(x=(self.positions + way * quarter) % self.domain_length)
-            for way in (-1, 1)
-        )
+            return at_start(self.youngs_modulus, self.positions)
+        left, right = (at_start(self.youngs_modulus, x) for x in self._half_cells())
         return (left + right) / 2
 
+    def _half_cells(self):
+        """Middles of the half cells to the left and to the right of particles [m]."""
+        return [(self.positions + way * self.spacing / 4) % self.domain_length for way in (-1, 1)]
+
     def damping_values(self, positions: np.ndarray | None = None) -> np.ndarray:
-        """Damping coefficient [1/s] at the particles or ``positions``; empty if there is none."""
+        """Damping coefficient [1/s] at the particles or ``positions``; empty if there is none.
+
+        Of one that changes, that at t = 0, even if it is zero then.
+        """
         if self.damping is None:
             return ABSENT
-        values = self.damping(x=self.positions if positions is None else positions)
-        return values if np.any(values) else ABSENT
+        values = at_start(self.damping, self.positions if positions is None else positions)
+        return values if np.any(values) or self.damping.variables == IN_X_AND_T else ABSENT
+
+    def largest_modulus(self) -> np.ndarray:
+        """Largest modulus over T of each particle [Pa], shape (N,), where it is looked at."""
+        changing = self.changing("youngs_modulus")
+        return self.modulus() if changing is None else _extremes(changing)[1]
+
+    def damping_range(self) -> tuple[float, float]:
+        """Smallest and largest damping coefficient of any particle over T [1/s]."""
+        changing = self.changing("damping")
+        if changing is not None:
+            low, high = _extremes(changing)
+            return float(low.min()), float(high.max())
+        values = self.damping_values()
+        return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
+
+    @property
+    def force_terms(self) -> list[Separated]:
+        """The force as sums of products of a function of t and one of x."""
+        return [
+            self.separated(term) if isinstance(term, Expression) else term for term in self.forces
+        ]
 
     def force_values(self, times: np.ndarray, positions: np.ndarray | None = None):
-        """Force per mass as f(x, t) = profile(x) amplitude(t).
+        """Force per mass as f(x, t) = Σ_r amplitude_r(t) profile_r(x).
 
         Returns
         -------
-        amplitude, profile : arrays, shapes (times,) and (N,)
-            Amplitude [m/s²] and profile (dimensionless); both empty if there is no force.
+        amplitudes, profiles : arrays, shapes (terms, times) and (terms, N)
+            Amplitudes [m/s²] and profiles (dimensionless); both empty if there is no force.
         """
-        if self.force_time is None:
-            return ABSENT, ABSENT
-        x = self.positions if positions is None else positions
-        shape = np.ones_like(x) if self.force_profile is None else self.force_profile(x=x)
-        return self.force_time(t=times), shape
+        if not self.forces:
+            return NO_FORCE, NO_FORCE
+        x, terms = self.positions if positions is None else positions, self.force_terms
+        amplitudes = [factor(t=times) for term in terms for factor in term.factors]
+        profiles = np.ascontiguousarray(np.concatenate([term.profiles(x) for term in terms]))
+        return np.array(amplitudes), profiles
 
     def courses(self) -> tuple[Course, ...]:
         """Course of each term of the force over the times of the error integral.
 
         The log reports where it could not be proved.
         """
-        if self.force_time is None:
-            return ()
-        course = Course.of(self.force_time, self.error_times[-1])
-        if not np.isfinite(course.missed):
-            _warn_of_force(self.name, self.force_time.text)
-        return (course,)
+        found = []
+        for term in self.force_terms:
+            for factor in term.factors:
+                found.append(Course.of(factor, self.error_times[-1]))
+                if not np.isfinite(found[-1].missed):
+                    _warn_of_force(self.name, factor.text)
+        return tuple(found)
+
+    def later(self, by: float) -> "Scene":
+        """The scene with what changes with time shifted [s]: its t = 0 is t = ``by`` here."""
+
+        def shifted(function):
+            if isinstance(function, Products):
+                return replace(function, factors=tuple(g.shifted(by) for g in function.factors))
+            if function is None or "t" not in function.variables:
+                return function
+            return function.shifted(by)
+
+        return replace(
+            self,
+            youngs_modulus=shifted(self.youngs_modulus),
+            damping=shifted(self.damping),
+            forces=tuple(shifted(term) for term in self.forces),
+        )
 
     def force_of_steps(self, count: int, parts: int = 1, positions: np.ndarray | None = None):
         """Force as from `force_values`, at the first ``count`` steps or so many parts of one."""
-        if self.force_time is None:
-            return ABSENT, ABSENT
+        if not self.forces:
+            return NO_FORCE, NO_FORCE
         return self.force_values(self.times(np.arange(count), parts), positions)
 
     def neighbour_lists(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -323,6 +442,40 @@ class Scene:
         if self.is_even:
             return derivative(fields, stencil_weights(self.spacing, self.smoothing_ratio))
         return (derivative_matrix(self) @ fields.T).T
+
+
+def _formula(where, text, allowed, constants):
+    """The formula in the first set of variables that has all its own."""
+    for variables in allowed:
+        try:
+            return Expression(text, variables, constants)
+        except ValueError as error:
+            refusal = error
+    raise ValueError(f"{where}: {refusal}") from None
+
+
+def force_keys(scene: Scene) -> list[str]:
+    """Keys of the force's terms in the configuration."""
+    if len(scene.forces) == 1:
+        return ["force"]
+    return [f"force.{n}" for n in range(len(scene.forces))]
+
+
+def at_start(expression: Expression, x: np.ndarray) -> np.ndarray:
+    """A coefficient at places [m], of one that changes with time at t = 0."""
+    if expression.variables == IN_X_AND_T:
+        return expression(x=x, t=np.zeros(1))
+    return expression(x=x)
+
+
+def _extremes(changing):
+    """Smallest and largest value of each particle over the duration, (N,) each."""
+    times = instants(list(changing.courses))
+    least, most = np.full((2, changing.profiles.shape[1]), [[np.inf], [-np.inf]])
+    for rows in blocks(times.size):
+        values = changing.at(times[rows])
+        least, most = np.minimum(least, values.min(axis=0)), np.maximum(most, values.max(axis=0))
+    return least, most
 
 
 @lru_cache

@@ -30,17 +30,18 @@ MOST_DENSE, MOST_STEPS = 400, 1e9
 def fastest_wave(scene):
     """Upper bound of the angular frequency of the fastest wave that the particles carry.
 
-    The frequencies of waves are the singular values of A = diag(V/ρ0)^(1/2) G diag(c/V)^(1/2) with
-    the SPH derivative G. Its 2-norm is at most the root of its largest row sum times its largest
-    column sum of |A|; of evenly spaced particles it is also at most the largest value of the
-    stencil's symbol times the largest √c and 1/√ρ0, and the smaller is taken.
+    The frequencies of waves, of the largest modulus if it changes with time, are the singular
+    values of A = diag(V/ρ0)^(1/2) G diag(c/V)^(1/2) with the SPH derivative G. Its 2-norm is at
+    most the root of its largest row sum times its largest column sum of |A|; of evenly spaced
+    particles it is also at most the largest value of the stencil's symbol times the largest √c and
+    1/√ρ0, and the smaller is taken.
 
     Returns
     -------
     float
         Angular frequency [1/s].
     """
-    root_c = np.sqrt(scene.modulus())
+    root_c = np.sqrt(scene.largest_modulus())
     root_inertia = 1 / np.sqrt(scene.density0())
     if not scene.is_even:
         first, neighbours, gradients = scene.neighbour_lists()
@@ -76,11 +77,12 @@ def growth_factor(scene, time_step=None, limit=GROWTH_LIMIT):
         |1 + Δt λ| ≤ max(1, Δt d - 1), d the largest,   if it is, as then -δ ≤ λ ≤ 0.
 
     The largest Δt κ - δ is at most Δt ω² - d with the bound ω of `fastest_wave` and the smallest d;
-    closer, it is at most the largest eigenvalue of Δt A Aᵀ - D, which where d is uniform the
-    fastest wave attains. Where d varies, a wave that soon leaves the places that let it grow may
-    grow by far less. The last resort is the largest growth of energy's root itself, for up to
-    `MOST_DENSE` particles. It is no bound: some disturbance grows as much. It counts the growth
-    that waves, as they are not orthogonal, have together before each decays.
+    closer, where c and d do not change with time, it is at most the largest eigenvalue of
+    Δt A Aᵀ - D, which where d is uniform the fastest wave attains. Where d varies, a wave that soon
+    leaves the places that let it grow may grow by far less. The last resort is the largest growth
+    of energy's root itself, for up to `MOST_DENSE` particles. It is no bound: some disturbance
+    grows as much. It counts the growth that waves, as they are not orthogonal, have together before
+    each decays.
 
     Parameters
     ----------
@@ -96,8 +98,7 @@ def growth_factor(scene, time_step=None, limit=GROWTH_LIMIT):
         Growth of the amplitude over T, at least 1; infinite when it is beyond floating point.
     """
     step = scene.time_step if time_step is None else time_step
-    damping = scene.damping_values()
-    smallest, largest = (damping.min(), damping.max()) if damping.size else (0.0, 0.0)
+    smallest, largest = scene.damping_range()
 
     def bound(excess):
         stiff = max(step * largest - 1, 1)
@@ -108,6 +109,8 @@ def growth_factor(scene, time_step=None, limit=GROWTH_LIMIT):
     fastest = fastest_wave(scene)
     excess = step * fastest * fastest - smallest
     growth = bound(excess)
+    if not scene.is_steady:
+        return growth
     if growth > limit and excess < np.inf:
         growth = bound(_largest_excess(scene, step, excess))
     uneven = smallest < largest and scene.particle_count <= MOST_DENSE
@@ -217,8 +220,7 @@ def warn_of_step(scene, integrator, time_step):
     and for Δt ω² < 2 d; the bound of ω is taken.
     """
     fastest = fastest_wave(scene)
-    damping = scene.damping_values()
-    largest = max(2 / fastest, 2 * damping.min(initial=np.inf) / fastest**2 if damping.size else 0)
+    largest = max(2 / fastest, 2 * scene.damping_range()[0] / fastest**2)
     if time_step > largest:
         logging.getLogger(__name__).warning(
             "scene %s: time_step = %g: %s may let the fastest wave grow without end; up to %.3g s "

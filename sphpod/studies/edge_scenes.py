@@ -136,15 +136,17 @@ def work(scene: Scene, integrator: str, time_step: float) -> np.ndarray:
     stride = round(scene.error_interval / time_step)
     count = stride * (scene.error_times.size - 1)
     halves = 2 * np.arange(count + 1) + (integrator == "leapfrog")
-    amplitude, profile = scene.force_values(step_times(time_step, halves, 2))
+    amplitudes, profiles = scene.force_values(step_times(time_step, halves, 2))
     if integrator == "exact":
         # Of the integral of |f| an upper sum, or rounding would decide where force alone acts.
         grid = step_times(time_step, np.arange(count + 1))
-        added = sum(np.diff(course.impulse(grid)[::stride]) for course in scene.courses())
+        added = np.array([np.diff(one.impulse(grid)[::stride]) for one in scene.courses()])
     else:
-        added = np.add.reduceat(np.abs(amplitude[:-1]), np.arange(0, count, stride)) * time_step
+        starts = np.arange(0, count, stride)
+        added = np.add.reduceat(np.abs(amplitudes[:, :-1]), starts, axis=1) * time_step
         added /= np.sqrt(1 - (time_step * waves.fastest_wave(scene) / 2) ** 2)
-    return np.concatenate([[0.0], np.cumsum(added) * np.linalg.norm(mass * profile)])
+    reach = np.linalg.norm(mass * profiles, axis=1)
+    return np.concatenate([[0.0], np.cumsum(reach @ added)])
 
 
 def full(
@@ -155,7 +157,7 @@ def full(
     kept = energy.kept(scene, integrator, time_step, solution["velocity"], solution["strain"])
     damping = scene.damping_values()
     start = kept[0] or 1.0
-    if scene.force_time is not None:
+    if scene.forces:
         root = np.sqrt(np.maximum(2 * kept, 0))
         reach = root[0] + work(scene, integrator, time_step)
         shares = np.divide(root, reach, out=np.zeros_like(root), where=reach > 0)
@@ -166,7 +168,7 @@ def full(
     else:
         drift = np.abs(kept - kept[0]).max() / start
         yield Check("energy's drift", model, drift, KEPT)
-    if scene.force_time is None and (not damping.size or damping.min() == damping.max()):
+    if not scene.forces and (not damping.size or damping.min() == damping.max()):
         mass = scene.density0() * scene.volumes
         decay = np.exp(-damping[0] * scene.error_times) if damping.size else 1.0
         change = np.abs(solution["velocity"] @ mass - decay * (mass @ scene.velocity0())).max()
@@ -221,7 +223,7 @@ def explicit_euler(scene: Scene) -> Iterator[Check]:
         return
     growth = waves.growth_factor(scene)
     yield Check("growth of any wave, of the allowed", model, growth / GROWTH_LIMIT, 1)
-    if scene.force_time is None:
+    if not scene.forces:
         ends = replace(scene, error_interval=scene.duration)
         try:
             solution = lifted.solve(ends, "explicit_euler")

@@ -151,7 +151,7 @@ def draw(scalings: Mapping[tuple[str, ...], Mapping[str, np.ndarray]]) -> "Figur
 
 def is_plain(scene: Scene) -> bool:
     """Whether a scene lacks all that a scene may lack: damping, force, and material that varies."""
-    return exact.kind(scene) == "dalembert" and scene.force_time is None
+    return exact.kind(scene) == "dalembert" and not scene.forces
 
 
 PLAIN = is_plain, "without damping, force or layers"

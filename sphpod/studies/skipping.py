@@ -12,6 +12,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.expressions import Expression
+from sphpod.numerics.separation import Products
 from sphpod.reduced import lifted_rom
 from sphpod.reference import exact, reference
 from sphpod.scene.scene import Scene
@@ -86,7 +87,8 @@ def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
 
 def _pairs(scene: Scene) -> list[Pair]:
     settings = {name: getattr(scene, name) for name in scene.__dataclass_fields__}
-    forced = replace(scene, force_time=Expression("0*t", ("t",), {}))
+    nothing = Products((Expression("0*t", ("t",), {}),), (None,))
+    forced = replace(scene, forces=(nothing,))
     undamped, varied = Undamped(**settings), Varied(**settings)
     kept = np.zeros((2, scene.error_times.size, scene.particle_count))
     last = np.array([0, scene.step_count])

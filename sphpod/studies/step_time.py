@@ -83,13 +83,13 @@ def sparse_loop(scene: Scene, step_count: int) -> tuple[np.ndarray, np.ndarray]:
     velocity, density = scene.velocity0(), scene.density0()
     density0, modulus, dt = density.copy(), scene.modulus(), scene.time_step
     damping = scene.damping_values()
-    amplitude, profile = scene.force_of_steps(step_count)
+    amplitudes, profiles = scene.force_of_steps(step_count)
     for step in range(step_count):
         rate = -(gradient @ (modulus * (1 - density0 / density))) / density0
         if damping.size:
             rate -= damping * velocity
-        if amplitude.size:
-            rate += amplitude[step] * profile
+        if amplitudes.size:
+            rate += amplitudes[:, step] @ profiles
         density = density - dt * density**2 / density0 * (gradient @ velocity)
         velocity = velocity + dt * rate
     return velocity, density

@@ -182,7 +182,7 @@ def march_lifted(model: lifted_rom.LiftedModel, method: str) -> March:
 
 def unforced(scene: Scene) -> Scene:
     """The scene without its force."""
-    return replace(scene, force_time=None, force_profile=None)
+    return replace(scene, forces=())
 
 
 # --- Growth of a run ------------------------------------------------------------------------------

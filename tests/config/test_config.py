@@ -345,7 +345,12 @@ REFUSALS = [
     # expressions
     ({"initial_velocity": "sin(y)"}, ["initial_velocity", "sin(y)", "'y'", "allowed are"]),
     ({"initial_velocity": "t"}, ["initial_velocity", "'t'", "allowed are"]),
-    ({"force": "sin(x)"}, ["force", "'sin(x)'", "'x'", "allowed are"]),
+    ({"force": "sin(y)"}, ["force", "'sin(y)'", "'y'", "allowed are"]),
+    ({"force": ["sin(x - t)", "1/(x - t)"]}, ["force.1 = 1/(x - t)", "finite", "x = 0, t = 0"]),
+    ({"force": []}, ["force"]),
+    ({"youngs_modulus": "1 - t"}, ["youngs_modulus = 1 - t", "positive everywhere", "t = "]),
+    ({"damping": "t - x"}, ["damping = t - x", "must not be negative", "t = 0"]),
+    ({"initial_density": "1 + t"}, ["initial_density", "'t'", "allowed are"]),
     ({"force": {"time": "t", "profile": "t"}}, ["force", "profile", "'t'", "allowed are"]),
     ({"damping": "import os"}, ["damping", "'import os'", "not an expression", "allowed are"]),
     ({"youngs_modulus": "open('x')"}, ["youngs_modulus", "'open'", "allowed are"]),

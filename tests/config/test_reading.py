@@ -99,7 +99,10 @@ def test_scenes_have_the_keys_of_defaults_that_they_do_not_say():
     [
         ({"particle_count": 3}, "defaults.particle_count = 3: it must be at least 5"),
         ({"particel_count": 30}, "defaults.particel_count = 30: unknown key, did you mean"),
-        ({"force": [1]}, "defaults.force = [1]: it must be a number or text or keys and values"),
+        (
+            {"force": [[1]]},
+            "defaults.force.0 = [1]: it must be a number or text or keys and values",
+        ),
     ],
 )
 def test_faults_of_defaults_are_named_once(defaults, answer):

@@ -74,8 +74,8 @@ def test_compiled_steps_are_those_of_their_integrators(changes):
     through = np.where(damping > 0, -np.expm1(-dt * damping) / np.maximum(damping, 1e-30), dt)
 
     def force(time):
-        amplitude, profile = case.force_values(np.array([time]))
-        return amplitude * profile if amplitude.size else 0.0
+        amplitudes, profiles = case.force_values(np.array([time]))
+        return amplitudes[:, 0] @ profiles if amplitudes.size else 0.0
 
     def pull(e):
         return g @ (modulus * e) / density0
@@ -134,15 +134,15 @@ def test_exact_is_the_exponential_of_the_operator(changes):
     """With a force a cos(ωt), which is a coordinate of a larger system without one."""
     case = scene(**changes)
     count, damping = case.particle_count, case.damping_values()
-    amplitude, profile = case.force_values(np.zeros(1))
+    amplitudes, profiles = case.force_values(np.zeros(1))
     operator = np.zeros((2 * count + 2, 2 * count + 2))
     operator[:count, count:-2] = gradient(case) * case.modulus() / case.density0()[:, None]
     operator[count:-2, :count] = gradient(case)
     if damping.size:
         operator[:count, :count] = -np.diag(damping)
-    if profile.size:
-        frequency = 9 if case.force_profile is None else 20
-        operator[:count, -2] = amplitude * profile
+    if profiles.size:
+        frequency = 9 if case.forces[0].shapes == (None,) else 20
+        operator[:count, -2] = amplitudes[:, 0] @ profiles
         operator[-2, -1], operator[-1, -2] = -frequency, frequency
     start = np.concatenate([case.velocity0(), np.zeros(count), [1, 0]])
     found = lifted.solve(case, "exact")

@@ -32,12 +32,12 @@ def test_compiled_steps_are_explicit_euler(changes):
     v, density0, modulus = case.velocity0(), case.density0(), case.modulus()
     rho, dt = density0.copy(), case.time_step
     damping = case.damping_values() if case.damping else 0.0
-    amplitude, profile = case.force_values(np.arange(50) * dt)
+    amplitudes, profiles = case.force_values(np.arange(50) * dt)
     for step in range(50):
         for row in np.flatnonzero(steps == step):
             np.testing.assert_allclose(result["velocity"][row], v, rtol=1e-11, atol=1e-16)
             np.testing.assert_allclose(result["density"][row], rho, rtol=1e-13)
-        force = amplitude[step] * profile if amplitude.size else 0.0
+        force = amplitudes[:, step] @ profiles if amplitudes.size else 0.0
         pull = derivative(modulus * (1 - density0 / rho), weights) / density0
         stretching = derivative(v, weights)
         v, rho = v + dt * (force - pull - damping * v), rho - dt * rho**2 / density0 * stretching
@@ -61,8 +61,8 @@ def test_only_damping_and_force_change_the_momentum(changes):
     mass = case.density0() * case.spacing
     momentum = result["velocity"] @ mass
     damping = case.damping_values() if case.damping else np.zeros(case.particle_count)
-    amplitude, profile = case.force_values(result["t"])
-    force = np.outer(amplitude, profile) if amplitude.size else 0.0
+    amplitudes, profiles = case.force_values(result["t"])
+    force = amplitudes.T @ profiles if amplitudes.size else 0.0
     change = case.time_step * ((force - damping * result["velocity"]) @ mass)[:-1]
     np.testing.assert_allclose(np.diff(momentum), change, atol=1e-16)
 

@@ -374,7 +374,7 @@ each_scene = pytest.mark.parametrize(("changes", "points"), SCENES.values(), ids
 def true_fields(case, points, row):
     """Velocity and strain at an output, by the eigenvectors of the full operator."""
     scales = np.concatenate(lifted.energy_weights(case))
-    _, profile = case.force_values(np.zeros(1))
+    _, (profile,) = case.force_values(np.zeros(1))
     push = scales * np.concatenate([profile, np.zeros(case.particle_count)])
     matrix, end = lifted.operator(case).toarray(), case.error_times[row]
     values, vectors = np.linalg.eig(matrix)
@@ -383,7 +383,7 @@ def true_fields(case, points, row):
     edges = np.unique([*(p for p in points if p < end), *np.linspace(0, end, int(60 * end) + 2)])
     middle, half = (edges[1:] + edges[:-1]) / 2, np.diff(edges) / 2
     times = middle[:, None] + half[:, None] * times
-    shares = half[:, None] * weights * case.force_time(t=times)
+    shares = half[:, None] * weights * case.forces[0].factors[0](t=times)
     powers = np.exp((end - times.ravel())[:, None] * values)
     return (vectors @ (driven * (shares.ravel() @ powers))).real / scales
 

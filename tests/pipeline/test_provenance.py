@@ -141,7 +141,7 @@ def test_comments_docstrings_and_layout_do_not_count(package):
     kernel.write_text(kernel.read_text() + '\n\ndef more():\n    """Nobody calls it."""\n')
     assert digest("sph") == before
     scene = package / "scene" / "scene.py"
-    told = '"""Stands for a damping or force that a scene does not have."""'
+    told = '"""Stands for a damping that a scene does not have."""'
     assert told in scene.read_text()
     scene.write_text(scene.read_text().replace(told, '"""What a value behind it is told as."""'))
     assert digest("sph") == before

@@ -37,7 +37,7 @@ def solved(case, wave=None, outputs=None):
     count, outputs = len(matrix), outputs or case.error_times.size - 1
     state = np.concatenate([mass * case.velocity0(), 0 * mass])
     if wave:
-        (amplitude, rate), (_, profile) = wave, case.force_values(np.zeros(1))
+        (amplitude, rate), (_, (profile,)) = wave, case.force_values(np.zeros(1))
         bigger = np.zeros((count + 2, count + 2))
         bigger[:count, :count] = matrix
         bigger[: mass.size, count] = amplitude * mass * profile

@@ -71,17 +71,17 @@ def euler(model):
     """Explicit Euler of the reduced operator, one step at a time."""
     case, kv = model.scene, len(model.velocity_modes)
     mass, _ = lifted.energy_weights(case)
-    amplitude, profile = case.force_values(np.arange(case.step_count) * case.time_step)
+    amplitudes, profiles = case.force_values(np.arange(case.step_count) * case.time_step)
     state = np.zeros(kv + len(model.strain_modes))
-    push = np.zeros_like(state)
+    push = np.zeros((max(len(profiles), 1), state.size))
     state[:kv] = model.velocity_modes @ (mass * case.velocity0())
-    if profile.size:
-        push[:kv] = model.velocity_modes @ (mass * profile)
+    if profiles.size:
+        push[:, :kv] = (mass * profiles) @ model.velocity_modes.T
     else:
-        amplitude = np.zeros(case.step_count)
+        amplitudes = np.zeros((1, case.step_count))
     states = [state]
-    for value in amplitude:
-        states.append(states[-1] + case.time_step * (model.operator @ states[-1] + push * value))
+    for values in amplitudes.T:
+        states.append(states[-1] + case.time_step * (model.operator @ states[-1] + values @ push))
     kept = np.array(states)[case.error_steps]
     return kept[:, :kv], kept[:, kv:]
 
@@ -429,12 +429,12 @@ def test_scipy_gets_the_same_of_the_stored_system(changes):
     states = np.concatenate([kept[name] for name in coordinates], axis=1)
     count = states.shape[1]
     system = signal.StateSpace(
-        kept["reduced_operator"], kept["reduced_force"][:, None],
+        kept["reduced_operator"], kept["reduced_force"],
         np.eye(count), np.zeros((count, 1)),
     )  # fmt: skip
     fine = np.linspace(0, kept["t"][-1], 20 * (kept["t"].size - 1) + 1)
-    amplitude, _ = case.force_values(fine)
-    course = amplitude if amplitude.size else np.zeros_like(fine)
+    amplitudes, _ = case.force_values(fine)
+    course = amplitudes.T if amplitudes.size else np.zeros_like(fine)
     _, found, _ = signal.lsim(system, course, fine, states[0])
     np.testing.assert_allclose(found[::20], states, rtol=0, atol=1e-5 * np.abs(states).max())
     prepared, state = solution

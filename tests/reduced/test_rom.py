@@ -78,7 +78,7 @@ def test_frozen_coefficients_follow_their_definition_in_either_form(changes, n_f
     d = np.diag(case.damping_values()) if case.damping else np.zeros_like(g)
     a, b, dt = uv.T @ case.velocity0(), ur.T @ density0, case.time_step
     steps = np.array([0, 1, 12, 40])
-    amplitude, profile = case.force_values(np.arange(40) * dt)
+    amplitudes, profiles = case.force_values(np.arange(40) * dt)
     expected = []
     for step in range(41):
         if step in steps:
@@ -87,7 +87,7 @@ def test_frozen_coefficients_follow_their_definition_in_either_form(changes, n_f
             break
         if step % n_freeze == 0:
             c_matrix = ((ur @ b) ** 2 / density0)[:, None] * g
-            force = uv.T @ profile * amplitude[step] if amplitude.size else 0.0
+            force = uv.T @ (amplitudes[:, step] @ profiles) if amplitudes.size else 0.0
         pull = uv.T @ (a_matrix @ (ur @ b) - b_matrix.sum(axis=1))
         a, b = (
             a + dt * (force - pull - uv.T @ d @ uv @ a),
@@ -293,10 +293,10 @@ def test_the_stored_system_is_the_model_linearized_at_rest(method, changes):
         states = np.concatenate(coordinates, axis=1)
         every = max(rom.freeze_steps(method), 1)
         refreshed = np.arange(states.shape[0] - 1) // every * every
-        course, _ = case.force_values(case.error_times[refreshed])
+        courses, _ = case.force_values(case.error_times[refreshed])
         rates = states[:-1] @ system["reduced_operator"].T + system["reduced_constant"]
-        if course.size:
-            rates = rates + np.outer(course, system["reduced_force"])
+        if courses.size:
+            rates = rates + courses.T @ system["reduced_force"].T
         missing.append(np.abs(np.diff(states, axis=0) / case.time_step - rates).max())
         velocity = states @ system["velocity_output"]
         np.testing.assert_allclose(velocity, coordinates[0] @ model.velocity_modes, atol=1e-15)

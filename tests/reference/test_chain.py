@@ -39,7 +39,8 @@ def test_the_chain_moves_as_newton_has_it():
     def rate(t, state):
         y, v = np.split(state, 2)
         pull = stiffness * (np.roll(y, -1) - y)
-        push = case.force_time(t=np.array([t])) * case.force_profile(x=x)
+        amplitudes, profiles = case.force_values(np.array([t]), x)
+        push = amplitudes[:, 0] @ profiles
         return np.concatenate([v, (pull - np.roll(pull, 1)) / mass - case.damping(x=x) * v + push])
 
     start = np.concatenate([np.zeros(12), case.initial_velocity(x=x)])

@@ -155,9 +155,9 @@ def residuals(scene):
     damping = scene.damping_values()
     if damping.size:
         rate -= damping * velocity[1:-1]
-    amplitude, profile = scene.force_values(scene.error_times[1:-1])
-    if amplitude.size:
-        rate += amplitude[:, None] * profile
+    amplitudes, profiles = scene.force_values(scene.error_times[1:-1])
+    if amplitudes.size:
+        rate += amplitudes.T @ profiles
     same = (np.roll(modulus, 1) == modulus) & (np.roll(modulus, -1) == modulus)
     return (
         np.abs(in_time(strain) - in_space(velocity))[:, same].max(),

@@ -451,7 +451,7 @@ def test_a_duration_and_an_interval_touched_by_rounding_are_whole_steps():
     assert (case.duration, case.error_interval) == (0.3, 0.01)
     assert case.error_times[-1] == 0.3
     ends = scene(duration=0.1 + 0.2, force="where(t == T, 1, 0)")
-    assert ends.force_values(ends.error_times)[0].tolist() == [0] * 30 + [1]
+    assert ends.force_values(ends.error_times)[0].tolist() == [[0] * 30 + [1]]
 
 
 def test_a_force_is_taken_at_the_decimal_times_of_steps():

@@ -6,6 +6,7 @@ from scenes import VARIED, scene
 
 from sphpod.full import lifted, sph
 from sphpod.numerics import error
+from sphpod.numerics.propagator import Jumps
 from sphpod.reduced import certificate, lifted_rom, pod, rom, snapshots
 from sphpod.reference import exact, reference
 from sphpod.studies import benchmark, scaling, skipping, timing
@@ -381,6 +382,7 @@ def test_lifted_jumps_do_not_depend_on_the_particles(changes):
         case = scene(**changes, particle_count=count)
         rows = scaling.waves(count, 7)
         jumps = lifted_rom.LiftedModel(case, rows, rows[1:], 1).prepare("lifted_exact").jumps
+        assert isinstance(jumps, Jumps)
         shapes.append([values.shape for values in (jumps.powers, jumps.forced, jumps.nodes,
                                                    jumps.responses)])  # fmt: skip
     assert shapes[0] == shapes[1]

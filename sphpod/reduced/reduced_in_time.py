@@ -1,0 +1,343 @@
+"""Lifted reduced models where modulus or damping change with time, and their bound.
+
+The scaled strain p = √(V c₀) e has the modulus at t = 0 in it; with R(t) = diag(c/c₀) the full
+model reads
+
+    u' = -D u + A R p + √m f,    p' = -Aᵀ u,
+
+and its energy (|u|² + pᵀ R p)/2 changes by damping, force and ½ pᵀ R' p, what the modulus itself
+does. Galerkin projection in the energy of the time keeps just that,
+
+    a' = -Φᵀ D Φ a + B b + g f,    S b' = -Bᵀ a,    B = Φᵀ A R Ψ,    S = Ψᵀ R Ψ,
+
+for any modes. It is stepped as the full model is (`sphpod.full.coefficients_in_time`), or as
+explicit Euler would go. R and D are sums of factors in time times profiles, so that no step sees
+the particles.
+
+**Bound.** With r the residual and the norm |·| of the time, (|ε|²/2)' ≤ |r| |ε| + γ |ε|² with
+γ = ½ max (∂c/∂t)⁺/c, so that
+
+    |ε(t)| ≤ e^{g(t)} |ε(0)| + ∫ e^{g(t) - g(s)} |r(s)| ds,    g(t) = ∫ γ ds.
+
+A modulus that jumps upwards has no such g. The integral is a sum over a grid that resolves the
+waves of the model; how much it differs from that over every other time is added.
+"""
+
+import logging
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from sphpod.full import coefficients_in_time as in_time
+from sphpod.full import lifted
+from sphpod.numerics.compiled import compiled
+from sphpod.numerics.error import blocks
+from sphpod.numerics.separation import instants
+from sphpod.scene.scene import Scene
+
+logger = logging.getLogger(__name__)
+
+MATRIX_VALUES = 2**22
+"""Values of the matrices of steps that are made together, which bounds the memory."""
+
+GRID = 0.25
+"""Angle [rad] of the model's fastest wave that times of the bound's grid are apart."""
+
+MOST_TIMES = 2**16
+"""Times of the bound's grid, at most."""
+
+JUMP = 1e-9
+"""Change of the modulus at a break, of itself, from which it is taken for a jump."""
+
+
+@dataclass(frozen=True)
+class Terms:
+    """A reduced model as sums of functions of time times matrices.
+
+    Attributes
+    ----------
+    scene : Scene
+    coupling, metric : arrays, shapes (terms, kv, ke) and (terms, ke, ke)
+        Of B and S, by the terms of the modulus.
+    damping : array, shape (terms, kv, kv)
+        Of Φᵀ D Φ, by those of the damping.
+    force : array, shape (kv, forces)
+        g.
+    """
+
+    scene: Scene
+    coupling: np.ndarray
+    metric: np.ndarray
+    damping: np.ndarray
+    force: np.ndarray
+
+    @classmethod
+    def of(cls, model: Any) -> "Terms":
+        """Those of a `lifted_rom.LiftedModel`."""
+        scene, velocity, strain = model.scene, model.velocity_modes, model.strain_modes
+        _, moduli = in_time.coefficient_terms(scene, "youngs_modulus", scene.modulus())
+        _, dampings = in_time.coefficient_terms(scene, "damping", scene.damping_values())
+        parts = [c / scene.modulus() for c in moduli]
+        kv, ke = len(velocity), len(strain)
+
+        def stacked(matrices, rows, columns):
+            found = list(matrices)
+            return np.array(found).reshape(len(found), rows, columns)
+
+        return cls(
+            scene,
+            stacked((velocity @ lifted.pull(scene, strain * part).T for part in parts), kv, ke),
+            stacked(((strain * part) @ strain.T for part in parts), ke, ke),
+            stacked(((velocity * d) @ velocity.T for d in dampings), kv, kv),
+            model.force,
+        )
+
+    @cached_property
+    def _factors(self):
+        scene = self.scene
+        return (
+            in_time.coefficient_terms(scene, "youngs_modulus", scene.modulus())[0],
+            in_time.coefficient_terms(scene, "damping", scene.damping_values())[0],
+        )
+
+    def metrics(self, times: np.ndarray) -> np.ndarray:
+        """S at times [s], shape (times, ke, ke)."""
+        return np.tensordot(self._factors[0](times).T, self.metric, axes=1)
+
+    def operators(self, times: np.ndarray) -> np.ndarray:
+        """Rates of the coordinates of velocity and strain by them [1/s], (times, s, s)."""
+        stiffening, slowing = (factors(times).T for factors in self._factors)
+        coupling = np.tensordot(stiffening, self.coupling, axes=1)
+        count, kv, ke = coupling.shape
+        result = np.zeros((count, kv + ke, kv + ke))
+        result[:, :kv, kv:] = coupling
+        if ke:
+            metric = np.tensordot(stiffening, self.metric, axes=1)
+            result[:, kv:, :kv] = -np.linalg.solve(metric, coupling.transpose(0, 2, 1))
+        if len(self.damping):
+            result[:, :kv, :kv] = -np.tensordot(slowing, self.damping, axes=1)
+        return result
+
+    def pushes(self, times: np.ndarray) -> np.ndarray:
+        """Rates of the coordinates by the force, (times, s)."""
+        amplitudes, _ = self.scene.force_values(times)
+        result = np.zeros((times.size, len(self.force) + self.coupling.shape[2]))
+        if amplitudes.size:
+            result[:, : len(self.force)] = (self.force @ amplitudes).T
+        return result
+
+    @cached_property
+    def fastest(self) -> float:
+        """Largest norm of the operator over time [1/s], where it is looked at."""
+        courses = in_time.courses_of(self.scene)
+        operators = self.operators(instants(list(courses), 256))
+        return float(np.linalg.norm(operators, 2, axis=(1, 2)).max())
+
+
+@dataclass
+class Steps:
+    """From output to output, in steps.
+
+    Attributes
+    ----------
+    terms : Terms
+    euler : bool
+        Whether steps are those of explicit Euler.
+    time_error : float
+        Of the last run that is none of explicit Euler: its estimated error, of the largest length
+        of the coordinates.
+    """
+
+    terms: Terms
+    euler: bool
+    time_error: float = field(default=np.nan, init=False)
+
+    def run(self, state: np.ndarray) -> None:
+        """Fill the outputs of a state (coordinates, times), of which the first column is given."""
+        if self.euler:
+            scene = self.terms.scene
+            starts, done = scene.times(np.arange(scene.step_count)), scene.error_steps
+            self._march(state, starts, np.full(starts.size, scene.time_step), done, 0)
+            return
+        scene, coarse = self.terms.scene, None
+        longest = 1 / max(self.terms.fastest, 1 / scene.duration)
+        courses = in_time.courses_of(scene)
+        for halving in range(in_time.HALVINGS + 1):
+            starts, lengths, done = in_time.step_grid(scene.error_times, courses, longest, halving)
+            size = 0.6 * lengths.max() * self.terms.fastest
+            self._march(state, starts, lengths, done, in_time.series_terms(size))
+            if coarse is not None:
+                largest = np.linalg.norm(state, axis=0).max() or 1.0
+                difference = np.linalg.norm(state - coarse, axis=0).max() / largest
+                self.time_error = float(difference / (2**in_time.ORDER - 1))
+                if not self.time_error > in_time.TIME_ERROR:
+                    return
+            coarse = state.copy()
+
+    def _march(self, state, starts, lengths, done, terms):
+        now, row, first = np.ascontiguousarray(state[:, 0]), 1, 0
+        at_once = max(1, MATRIX_VALUES // (2 * now.size**2))
+        while first < starts.size:
+            some = slice(first, first + at_once)
+            if self.euler:
+                weights = lengths[some, None, None]
+                matrices = self.terms.operators(starts[some]) * weights
+                pushes = self.terms.pushes(starts[some]) * weights[:, 0]
+            else:
+                matrices = self._means(self.terms.operators, starts[some], lengths[some])
+                pushes = self._means(self.terms.pushes, starts[some], lengths[some])
+            halves = 1 if self.euler else 2
+            row = march(now, matrices, pushes, (first, halves, terms), done, row, state)
+            first = some.stop
+
+    def _means(self, functions, starts, lengths):
+        def flat(times):
+            return functions(times).reshape(times.size, -1).T
+
+        shape = functions(starts[:1]).shape[1:]
+        return in_time.means(flat, starts, lengths).reshape(-1, *shape)
+
+
+@compiled
+def march(now, matrices, pushes, schedule, done, row, state):
+    """Steps from the first of these matrices on; the row of the next output that is left.
+
+    ``schedule`` holds the first step, half steps in a step, and terms of the exponential's series;
+    none of explicit Euler.
+    """
+    first, halves, terms = schedule
+    term, new = np.empty(now.size), np.empty(now.size)
+    for half in range(matrices.shape[0]):
+        for n in range(now.size):
+            term[n] = now[n]
+        for order in range(1, max(terms, 2)):
+            for n in range(now.size):
+                rate = 0.0
+                for m in range(now.size):
+                    rate += matrices[half, n, m] * term[m]
+                new[n] = rate
+            for n in range(now.size):
+                if order == 1:
+                    new[n] += pushes[half, n]
+                term[n] = new[n] / order
+                now[n] += term[n]
+        if (half + 1) % halves == 0:
+            step = first + (half + 1) // halves
+            while row < done.size and done[row] == step:
+                for n in range(now.size):
+                    state[n, row] = now[n]
+                row += 1
+    return row
+
+
+# --- Bound ----------------------------------------------------------------------------------------
+
+
+def jumps_upwards(scene: Scene) -> bool:
+    """Whether the modulus jumps in time anywhere, so that no bound of the energy holds across."""
+    changing = scene.changing("youngs_modulus")
+    if changing is None:
+        return False
+    breaks = np.unique(np.concatenate([course.breaks for course in changing.courses]))
+    breaks = breaks[(breaks > 0) & (breaks < scene.duration)]
+    before, after = (changing.at(np.nextafter(breaks, way)) for way in (-np.inf, np.inf))
+    return bool((np.abs(after - before) > JUMP * np.abs(before)).any())
+
+
+def pumping(scene: Scene, times: np.ndarray) -> np.ndarray:
+    """g(t) = ½ ∫ max (∂c/∂t)⁺/c ds at ascending times from 0, shape (times,).
+
+    Between two times the larger of both ends is taken, and their difference added.
+    """
+    changing = scene.changing("youngs_modulus")
+    if changing is None:
+        return np.zeros(times.size)
+    slopes = np.stack([course.slopes(times) for course in changing.courses], axis=1)
+    rates = np.empty(times.size)
+    for rows in blocks(times.size):
+        shares = (slopes[rows] @ changing.profiles) / changing.at(times[rows])
+        rates[rows] = np.maximum(shares.max(axis=1), 0) / 2
+    largest = np.maximum(rates[1:], rates[:-1]) + np.abs(np.diff(rates))
+    return np.concatenate([[0.0], np.cumsum(largest * np.diff(times))])
+
+
+def error_bounds(prepared: Any) -> np.ndarray:
+    """Bounds of the energy norm of the error, in norms of the time, at the outputs, (times,).
+
+    Infinite, as the log reports, where the modulus jumps in time.
+
+    Parameters
+    ----------
+    prepared : lifted_rom.Prepared
+        A model exact in time.
+    """
+    model, scene = prepared.model, prepared.model.scene
+    if jumps_upwards(scene):
+        logger.warning(
+            "scene %s: youngs_modulus = %s: it jumps in time, and no error of a reduced model is "
+            "bounded across",
+            scene.name, scene.youngs_modulus.text,
+        )  # fmt: skip
+        return np.full(scene.error_times.size, np.inf)
+    terms = Terms.of(model)
+    outputs = scene.error_times.size
+    parts = int(np.ceil(terms.fastest * scene.error_interval / GRID))
+    parts = max(1, min(parts, MOST_TIMES // outputs)) * 2
+    interval = scene.error_interval / parts
+    fine = replace(
+        model, scene=replace(scene, error_interval=interval, time_step=interval)
+    ).prepare("lifted_exact")
+    state = fine.new_state()
+    fine.run(scene.velocity0(), state)
+    times = fine.model.scene.error_times
+    sizes = _residual_sizes(model, terms, state, times)
+    grown = pumping(scene, times)
+    mass, _ = lifted.energy_weights(scene)
+    start = mass * scene.velocity0()
+    begun = np.linalg.norm(start - model.velocity_modes.T @ state[: len(model.velocity_modes), 0])
+    found = [
+        np.exp(grown[:: 2 // part]) * (begun + _sum_of(sizes[:: 2 // part], grown[:: 2 // part],
+                                                       times[:: 2 // part]))
+        for part in (2, 1)
+    ]  # fmt: skip
+    fine_bound, coarse = found[0][::2], found[1]
+    # What the steps of this model miss, and what the force's polynomials do.
+    largest = np.linalg.norm(state, axis=0).max()
+    _, profiles = scene.force_values(np.zeros(1))
+    left = fine.jumps.time_error * largest + sum(
+        course.missed * np.linalg.norm(mass * profile)
+        for course, profile in zip(scene.courses(), profiles, strict=True)
+    )
+    bound = fine_bound + np.abs(fine_bound - coarse) + np.exp(grown[::2]) * left
+    return bound[:: parts // 2]
+
+
+def _sum_of(sizes, grown, times):
+    """∫ e^{-g} |r| ds up to each time by trapezia."""
+    values = sizes * np.exp(-grown)
+    return np.concatenate([[0.0], np.cumsum((values[1:] + values[:-1]) / 2 * np.diff(times))])
+
+
+def _residual_sizes(model, terms, state, times):
+    """|r| in the norms of the times, shape (times,)."""
+    scene, kv = model.scene, len(model.velocity_modes)
+    mass, _ = lifted.energy_weights(scene)
+    stiff, moduli = in_time.coefficient_terms(scene, "youngs_modulus", scene.modulus())
+    slow, dampings = in_time.coefficient_terms(scene, "damping", scene.damping_values())
+    amplitudes, profiles = scene.force_values(times)
+    sizes = np.empty(times.size)
+    for rows in blocks(times.size):
+        at, now = times[rows], state[:, rows].T
+        rates = np.einsum("tsm,tm->ts", terms.operators(at), now) + terms.pushes(at)
+        velocity, strain = now[:, :kv] @ model.velocity_modes, now[:, kv:] @ model.strain_modes
+        parts = (stiff(at).T @ moduli) / scene.modulus()
+        moved = lifted.pull(scene, parts * strain) - rates[:, :kv] @ model.velocity_modes
+        if len(dampings):
+            moved -= (slow(at).T @ dampings) * velocity
+        if profiles.size:
+            moved += amplitudes[:, rows].T @ (mass * profiles)
+        strained = lifted.stretch(scene, velocity) - rates[:, kv:] @ model.strain_modes
+        sizes[rows] = np.sqrt((moved**2).sum(axis=1) + (parts * strained**2).sum(axis=1))
+    return sizes
