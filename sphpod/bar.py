@@ -1,9 +1,9 @@
 """Arrays of a bar with ends, which files hold, and of it with its images, which models see.
 
 Fields of files are those of the bar's own particles. What is a sum over the line becomes one over
-the bar, by the number c of bars in a period: singular values, coordinates and norms are divided by
-√c, modes are multiplied by it, so that those of a file are orthonormal where particles on ends
-count by half.
+the bar, by the number c of bars in a period: energies are divided by c, and their roots, singular
+values and coordinates by √c; modes are multiplied by it, so that those of a file are orthonormal
+where particles on ends count by half.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,10 @@ MODES = "_modes", "_output"
 """How names end of what is multiplied by √c."""
 
 SUMS = "_singular_values", "_coordinates", "reduced_force", "reduced_constant"
-"""How names end of what is divided by √c, beside norms of energies."""
+"""How names end of what is divided by √c, beside roots of energies."""
+
+ENERGIES = {"J m-2": 2, ENERGY_ROOT: 1}
+"""Powers of √c that values of these units are divided by."""
 
 
 def of_bar(scene: Scene, arrays: Arrays, variables: Mapping[str, Variable] | None = None) -> Arrays:
@@ -36,11 +39,12 @@ def of_bar(scene: Scene, arrays: Arrays, variables: Mapping[str, Variable] | Non
     if scene.ends is None:
         return arrays
     known = VARIABLES | dict(variables or {})
-    own = scene.bar_count
-    return {
-        name: _scaled(scene, name, values[..., :own] if "x" in known[name].dims else values)
-        for name, values in arrays.items()
-    }
+    found = {}
+    for name, values in arrays.items():
+        own = values[..., : scene.bar_count] if "x" in known[name].dims else values
+        power = _power(name, known[name])
+        found[name] = own * np.sqrt(scene.ends.copies) ** power if power else own
+    return found
 
 
 def of_line(scene: Scene, arrays: Arrays) -> dict[str, np.ndarray]:
@@ -55,8 +59,13 @@ def of_line(scene: Scene, arrays: Arrays) -> dict[str, np.ndarray]:
 
 
 def _with_images(scene, name, values):
-    if name not in VARIABLES or "x" not in VARIABLES[name].dims:
-        return _scaled(scene, name, values, back=True)
+    meaning = VARIABLES.get(name)
+    if meaning is None:
+        return values
+    if power := _power(name, meaning):
+        values = values / np.sqrt(scene.ends.copies) ** power
+    if "x" not in meaning.dims:
+        return values
     if name == "x":
         return scene.positions
     density0 = scene.density0()
@@ -65,7 +74,7 @@ def _with_images(scene, name, values):
         return density0 / (1 + _reflected(scene, strains, STRAIN))
     kinds = {"velocity": VELOCITY, "strain": STRAIN}
     odd = next((odd for field, odd in kinds.items() if field in name), MATERIAL)
-    values = _scaled(scene, name, _reflected(scene, values, odd), back=True)
+    values = _reflected(scene, values, odd)
     return _orthonormal(values) if name.endswith("_modes") else values
 
 
@@ -79,11 +88,6 @@ def _orthonormal(modes):
     return (columns * np.where(np.diag(shares) < 0, -1.0, 1.0)).T
 
 
-def _scaled(scene, name, values, back=False):
-    root = np.sqrt(scene.ends.copies)
-    if name.endswith(MODES):
-        return values / root if back else values * root
-    energy = name in VARIABLES and VARIABLES[name].units == ENERGY_ROOT
-    if energy or name.endswith(SUMS):
-        return values * root if back else values / root
-    return values
+def _power(name, meaning):
+    """Power of √c that values of the line are multiplied by to be those of the bar."""
+    return 1 if name.endswith(MODES) else -ENERGIES.get(meaning.units, name.endswith(SUMS))

@@ -8,6 +8,7 @@ import xarray as xr
 import sphpod
 from sphpod.bar import of_bar, of_line
 from sphpod.full import lifted, sph
+from sphpod.pipeline import dataset
 from sphpod.reduced import lifted_rom, pod, snapshots
 
 WAVES = {
@@ -130,6 +131,21 @@ def test_a_file_of_ones_own_is_of_the_bar(tmp_path):
     found = of_line(scene, of_bar(scene, snapshots.own(scene, {"from": str(path)})))
     assert found["velocity_snapshots"].shape == (full.t.size, scene.particle_count)
     np.testing.assert_allclose(found["velocity_snapshots"][:, :31], full.velocity)
+
+
+def test_energies_are_of_the_bar():
+    scene = bar(("fixed", "free"))
+    meaning = {"an_energy": dataset.Variable(("t",), "J m-2", "an energy")}
+    found = of_bar(scene, {"an_energy": np.ones(2), "contender": np.array(["one"])}, meaning)
+    assert found["an_energy"].tolist() == [0.25, 0.25]
+    assert found["contender"].tolist() == ["one"]
+
+
+def test_a_bar_that_stays_at_rest_has_no_mode_of_strain():
+    scene = bar(("fixed", "free"), initial_velocity=0)
+    taken = sphpod.take_snapshots(scene, range=[0, 1], count=4)
+    modes = sphpod.decompose_lifted(scene, taken)
+    assert not sphpod.solve_reduced(scene, "lifted_exact", modes, 1).velocity.any()
 
 
 def test_a_scene_without_ends_is_left_alone():

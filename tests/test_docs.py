@@ -102,7 +102,7 @@ def schema() -> dict[str, Any]:
 
 @pytest.fixture
 def example(tmp_path) -> Path:
-    (block,) = blocks(DOCUMENTS["docs/adding-a-scene.md"], "yaml")
+    block, *_ = blocks(DOCUMENTS["docs/adding-a-scene.md"], "yaml")
     path = tmp_path / EXAMPLE
     path.parent.mkdir()
     path.write_text(block, encoding="utf-8")

@@ -66,16 +66,10 @@ def solve(
     run = prepare(scene, steps, neighbours, start)
     failed = run(velocity, density)
     if failed >= 0:
-        at = divmod(failed, scene.particle_count)
-        raise Breakdown(
-            scene.name, "full SPH", scene.times(steps)[at[0]], scene.bar_particle(at[1])
-        )
-    return {
-        "t": scene.times(steps),
-        "x": scene.positions,
-        "velocity": velocity,
-        "density": density,
-    }
+        row, at = divmod(failed, scene.particle_count)
+        raise Breakdown(scene.name, "full SPH", scene.times(steps)[row], scene.bar_particle(at))
+    fields = {"velocity": velocity, "density": density}
+    return {"t": scene.times(steps), "x": scene.positions, **fields}
 
 
 def prepare(
@@ -116,7 +110,7 @@ def prepare(
     damping, slowing = changing(scene, "damping", steps[-1], first_step)
     material = dt / density0, modulus, modulus * density0
     forces = dt * damping, dt * amplitudes, profiles
-    changes = stiffening, density0, (slowing[0], dt * slowing[1])
+    changes = stiffening, density0, (slowing[0], dt * slowing[1]), _images(scene)
     geometry: tuple[np.ndarray, ...]
     if neighbours == "lists":
         geometry = scene.neighbour_lists()
@@ -475,7 +469,7 @@ def march_lists(state, material, forces, changes, geometry, schedule, kept):
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
     modulus, load, damping = material[1], material[2], forces[0]
-    stiffening, density0, slowing = changes
+    stiffening, density0, slowing, images = changes
     first_step, steps, watch, pace = schedule
     velocity, density = kept
     acted = forces[0].size > 0 or forces[1].size > 0

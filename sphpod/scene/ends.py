@@ -11,12 +11,13 @@ models see the line, files and figures the bar (`sphpod.bar`).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from sphpod.numerics.expressions import Expression
+from sphpod.numerics.separation import Everywhere, Moved, Products, Separated
 
 KINDS = ("fixed", "free")
 """What an end may be."""
@@ -129,7 +130,7 @@ class Ends:
 
 
 class Mirrored(Expression):
-    """An expression in x of a bar, on all of the line.
+    """An expression in x, or in x and t, of a bar, on all of the line.
 
     Parameters
     ----------

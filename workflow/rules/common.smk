@@ -336,6 +336,10 @@ LIFTED_METHODS = {
 }
 
 
+# What takes a bar with ends to its images and back.
+FOLDS = ["bar.of_bar", "bar.of_line"]
+
+
 def computed(compute, alone=False, of_sampling=False, all_times=False, scenes=SCENES, **arguments):
     """Parameters of a rule: its function and, beside scene and inputs, what that is given.
 
@@ -348,7 +352,9 @@ def computed(compute, alone=False, of_sampling=False, all_times=False, scenes=SC
 
     return {
         "compute": lambda wildcards: of(compute, wildcards),
-        "code": lambda wildcards: provenance.digest(of(compute, wildcards)),
+        "code": lambda wildcards: provenance.digest(
+            of(compute, wildcards), *(FOLDS if "boundary" in scenes[wildcards.scene] else [])
+        ),
         "physics": lambda wildcards: physics(wildcards, scenes),
         "sampling": lambda wildcards: sampling_settings(wildcards) if of_sampling else {},
         "arguments": lambda wildcards: {
