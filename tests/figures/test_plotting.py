@@ -430,6 +430,7 @@ def test_the_last_singular_value_is_grey_where_those_before_it_are() -> None:
         }
     left = plotting.error(many, sweep(), errors(), "fd").axes[0]
     (inset,) = left.child_axes
+    assert isinstance(inset, Axes)
     for colour in (plotting.BLUE, plotting.VERMILLION):
         assert x_of(curves(inset, colour)[0])[-1] == 30
     assert [x_of(line)[-1] for line in curves(inset, plotting.GREY)] == [80, 80]

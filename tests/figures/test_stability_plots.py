@@ -525,8 +525,8 @@ def test_share_of_random_bases_that_grow_faster() -> None:
 def test_runs_are_drawn_where_there_are_any() -> None:
     runs = stability_plots.operators(**reduced_operators()).axes[4:]
     assert [axes.get_title(loc="left") for axes in runs] == [
-        "two moduli, random modes",
-        "three harmonics, POD modes of uniform100",
+        "two moduli, random modes: energy",
+        "three harmonics, POD modes of uniform100: energy",
     ]
     for axes in runs:
         assert axes.get_yscale() == "log"
