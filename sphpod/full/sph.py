@@ -110,7 +110,7 @@ def prepare(
     damping, slowing = changing(scene, "damping", steps[-1], first_step)
     material = dt / density0, modulus, modulus * density0
     forces = dt * damping, dt * amplitudes, profiles
-    changes = stiffening, density0, (slowing[0], dt * slowing[1]), _images(scene)
+    changes = stiffening, density0, (slowing[0], dt * slowing[1])
     geometry: tuple[np.ndarray, ...]
     if neighbours == "lists":
         geometry = scene.neighbour_lists()
@@ -469,7 +469,7 @@ def march_lists(state, material, forces, changes, geometry, schedule, kept):
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
     modulus, load, damping = material[1], material[2], forces[0]
-    stiffening, density0, slowing, images = changes
+    stiffening, density0, slowing = changes
     first_step, steps, watch, pace = schedule
     velocity, density = kept
     acted = forces[0].size > 0 or forces[1].size > 0

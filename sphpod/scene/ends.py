@@ -11,13 +11,12 @@ models see the line, files and figures the bar (`sphpod.bar`).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sphpod.numerics.expressions import Expression
-from sphpod.numerics.separation import Everywhere, Moved, Products, Separated
 
 KINDS = ("fixed", "free")
 """What an end may be."""

@@ -107,7 +107,6 @@ def draw(pairs: Arrays) -> "Figure":
         GREY,
         STYLE,
         UNRESOLVED_LABEL,
-        shortened,
     )
 
     ratio = np.maximum(pairs["pair_velocity_ratio"], pairs["pair_density_ratio"])
@@ -144,23 +143,31 @@ def draw(pairs: Arrays) -> "Figure":
         axes.set(xlabel="density modes kρ", ylabel="velocity modes kv")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(6, integer=True, steps=(1, 2, 5, 10)))
-        cut = sizes.size > 0 and sizes.min() < 1 / span, sizes.size > 0 and sizes.max() > span
-        extend = {(True, False): "min", (False, True): "max", (True, True): "both"}
-        bar = figure.colorbar(
-            mesh, ax=axes, label="POD error / SPH error", extend=extend.get(cut, "neither")
-        )
-        bar.outline.set_linewidth(0.6)
-        # Powers of ten to both sides of one, at most three, or the ends if there is none.
-        step = int(np.ceil(np.log10(span) / 3))
-        number = int(np.log10(span) / step)
-        powers = 10.0 ** (step * np.arange(-number, number + 1))
-        ticks = powers.tolist() if number else [1 / span, 1.0, span]
-        bar.set_ticks(ticks, labels=[shortened(tick) for tick in ticks])
-        bar.minorticks_off()
+        label = "POD error / SPH error"
+        _scale(figure.colorbar(mesh, ax=axes, label=label, extend=_cut(sizes, span)), span)
         notes = "" if np.isfinite(ratio).all() else "; grey: broken down"
         notes += f"\nhatched: {UNRESOLVED_LABEL}" if noise.count() else ""
         axes.set_title(f"larger of v and ρ; dots: below 1{notes}", loc="left")
     return figure
+
+
+def _cut(sizes, span):
+    """At which ends of the colours ratios are cut."""
+    cut = sizes.size > 0 and sizes.min() < 1 / span, sizes.size > 0 and sizes.max() > span
+    return {(True, False): "min", (False, True): "max", (True, True): "both"}.get(cut, "neither")
+
+
+def _scale(bar, span):
+    """Ticks at powers of ten to both sides of one, at most three, or at the ends without any."""
+    from sphpod.figures.plotting import shortened
+
+    bar.outline.set_linewidth(0.6)
+    step = int(np.ceil(np.log10(span) / 3))
+    number = int(np.log10(span) / step)
+    powers = 10.0 ** (step * np.arange(-number, number + 1))
+    ticks = powers.tolist() if number else [1 / span, 1.0, span]
+    bar.set_ticks(ticks, labels=[shortened(tick) for tick in ticks])
+    bar.minorticks_off()
 
 
 def places(config: Mapping[str, Any]) -> list[tuple[str, str]]:

@@ -465,7 +465,7 @@ def test_models_in_density_refuse_free_ends(method):
         rom.model(bar(["fixed", "free"]), method, modes, 1)
 
 
-IN_TIME = {
+CHANGING = {
     "youngs_modulus": "0.1*(1 + 0.2*sin(4*t)*cos(pi*x/L))",
     "damping": "where(t < 0.2, 0, 1)*x",
     "force": ["1e-3*x*(L - x)*exp(-((x - t/3 - L/3)/0.2)**2)", "1e-4*sin(3*t)"],
@@ -475,7 +475,7 @@ IN_TIME = {
 @pytest.mark.parametrize("boundary", PAIRS)
 def test_what_changes_with_time_is_mirrored_too(boundary):
     """The line keeps the symmetry of its images, to rounding, in every model."""
-    scene = bar(boundary, **IN_TIME)
+    scene = bar(boundary, **CHANGING)
     exact, full = lifted.solve(scene, "exact"), sph.solve(scene, scene.error_steps)
     for fields in (
         exact["velocity"],
