@@ -166,7 +166,7 @@ def test_notation_has_all_that_a_scene_and_the_kernel_give(notation):
 def schema_unit(field: Mapping[str, Any]) -> str | None:
     """Unit that a field's description has in brackets."""
     match = re.search(r"\[([^\]]+)\]", field.get("description", ""))
-    return match[1].replace("m3", "m³").replace("s2", "s²") if match else None
+    return match[1].replace("m2", "m²").replace("m3", "m³").replace("s2", "s²") if match else None
 
 
 # --- Adding a scene -------------------------------------------------------------------------------

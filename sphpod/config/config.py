@@ -16,6 +16,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from sphpod.config import refusals
 from sphpod.config.boundary import check_ends
+from sphpod.config.chain_section import spread_chain
 from sphpod.config.configuration import (
     Benchmark,
     Configuration,
@@ -108,12 +109,13 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
 
 
 def _spread_defaults(settings):
-    """Give scenes the keys of ``defaults`` that they do not have."""
+    """Give scenes the keys of ``defaults`` that they do not have, and chains their material."""
     defaults, known = settings.get("defaults"), settings.get("scenes")
-    if isinstance(defaults, dict) and isinstance(known, dict):
+    if isinstance(known, dict):
         for name, scene in known.items():
             if isinstance(scene, dict):
-                known[name] = plain(defaults) | scene
+                given = plain(defaults) | scene if isinstance(defaults, dict) else scene
+                known[name] = spread_chain(str(name), given)
 
 
 def check_modes(

@@ -295,6 +295,16 @@ class Scene(Section):
     youngs_modulus: Expression = Field(
         description="c(x, t) [Pa], positive, a number or an expression in x, t, L and T"
     )
+    masses: list[Annotated[float, Field(gt=0)]] = left_out(
+        min_length=1,
+        description="masses [kg/m2] of a chain, one for each particle, in the place of "
+        "initial_density",
+    )
+    springs: list[Annotated[float, Field(gt=0)]] = left_out(
+        min_length=1,
+        description="stiffnesses [N/m3] of the springs of a chain, each behind its mass, in the "
+        "place of youngs_modulus",
+    )
     damping: Expression = left_out(
         description="damping coefficient d(x, t) [1/s], not negative, a number or an expression in "
         "x, t, L and T; left out if there is none"

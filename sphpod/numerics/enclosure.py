@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.numerics.expressions import CALLED, FUNCTIONS, Expression, numbers
+from sphpod.numerics.expressions import CALLED, FUNCTIONS, Expression, nth, numbers
 
 REACH = 4.0
 """Half widths of an interval that its disc reaches from its middle."""
@@ -131,6 +131,9 @@ def _value(node: ast.AST, names: dict[str, Any]) -> Any:
             ]
         ):
             return reduce(_sum, (_value(term, inner) for inner in _looped(loops, names)), 0.0)
+        case ast.Call(func=ast.Name(id="nth"), args=[ast.Tuple(elts=values), number]):
+            # It counts places, which are fixed where time is the variable.
+            return float(nth(tuple(_value(one, names) for one in values), _value(number, names)))
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return _applied(name, *(_value(argument, names) for argument in arguments))
     raise ValueError(f"{ast.unparse(node)} has no bounds")

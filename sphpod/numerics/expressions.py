@@ -24,6 +24,13 @@ def numbers(*bounds: float) -> Iterator[float]:
     return map(float, range(*map(int, bounds)))
 
 
+def nth(values: tuple[float, ...], number: Any) -> Any:
+    """The value with a number, rounded down; behind the last one they begin anew."""
+    whole = np.floor(np.asarray(number, np.float64))
+    index = np.where(np.isfinite(whole), whole, 0) % len(values)
+    return np.where(np.isfinite(whole), np.array(values, float)[index.astype(np.int64)], np.nan)
+
+
 FUNCTIONS: dict[str, Callable[..., Any]] = {
     "where": np.where,
     "sin": np.sin,
@@ -33,6 +40,7 @@ FUNCTIONS: dict[str, Callable[..., Any]] = {
     "abs": np.abs,
     "sum": partial(sum, start=0.0),
     "range": numbers,
+    "nth": nth,
 }
 # A second argument of sin would be the array numpy writes its result to.
 ARGUMENT_COUNTS = {"where": 3, "sin": 1, "cos": 1, "exp": 1, "sqrt": 1, "abs": 1}
@@ -153,6 +161,14 @@ def _refusal(node: ast.AST, names: frozenset[str]) -> str | None:
             return "a range is only allowed behind 'in'"
         case ast.Call(func=ast.Name(id="sum"), args=[argument], keywords=[]):
             return _refused_sum(argument, names)
+        case ast.Call(
+            func=ast.Name(id="nth"), args=[ast.Tuple(elts=values), number], keywords=[]
+        ) if values:
+            if "t" in reads(number) or any(reads(value) for value in values):
+                return "nth counts numbers by x, as in nth((1, 3, 10), 3*x/L)"
+            return _first_refusal((*values, number), names)
+        case ast.Call(func=ast.Name(id="nth")):
+            return "nth takes numbers and one of them, as in nth((1, 3, 10), 3*x/L)"
         case ast.Call(func=ast.Name(id="sum")):
             return "sum takes one series, as in sum(l*x for l in range(1, 4))"
         case ast.Call(func=ast.Name(id=name)) if name not in FUNCTIONS:
