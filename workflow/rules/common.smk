@@ -27,7 +27,7 @@ from sphpod.config.config import (
 from sphpod.config.mode_counts import parse_modes, parse_pair, parse_tolerance, usual_sweep
 from sphpod.config.reading import typed
 from sphpod.scene.kernel import derivative_coefficient
-from sphpod.scene.scene import PHYSICS_KEYS, Scene
+from sphpod.scene.scene import Scene, physical_settings
 from sphpod.studies.study import figure_parts, studies as declared_studies
 
 # That of this file, which may be a module of another workflow.
@@ -245,8 +245,7 @@ class Place(NamedTuple):
 
 def physics(wildcards, scenes=SCENES):
     """Settings that the solutions of a scene depend on; samplings and figures are not among them."""
-    scene = scenes[wildcards.scene]
-    return {key: scene[key] for key in PHYSICS_KEYS if key in scene}
+    return physical_settings(scenes[wildcards.scene])
 
 
 def sampling_settings(wildcards):
