@@ -1,0 +1,77 @@
+"""A profile of a scene for any values of its parameters."""
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from sphpod.numerics.expressions import Expression
+from sphpod.surveys.separation import separate
+
+Sample = Callable[[Callable[..., np.ndarray]], np.ndarray]
+"""Values of a function of x as the particles have them."""
+
+
+def at_particles(positions: np.ndarray) -> Sample:
+    """A function at the particles."""
+    return lambda function: function(x=positions)
+
+
+def at_half_cells(positions: np.ndarray, quarter: float, length: float) -> Sample:
+    """A function as the mean of the two half cells of each particle."""
+    sides = (positions - quarter) % length, (positions + quarter) % length
+    return lambda function: (function(x=sides[0]) + function(x=sides[1])) / 2
+
+
+class ParametricField:
+    """h(x; μ) = Σ g_i(μ) h_i(x) at the particles; or, where it does not fall apart, as it stands.
+
+    Parameters
+    ----------
+    text : str
+    parameters : names of the μ
+    constants : further names and their values
+    sample : Sample
+
+    Attributes
+    ----------
+    profiles : array, shape (terms, N), or None
+        h_i, None where the expression does not fall apart.
+    """
+
+    def __init__(
+        self, text: str, parameters: Sequence[str], constants: Mapping[str, float], sample: Sample
+    ) -> None:
+        self.text, self.constants, self.sample = text, dict(constants), sample
+        names = tuple(parameters)
+        self.profiles: np.ndarray | None = None
+        terms = separate(text, parameters)
+        if terms is not None:
+            self._factors = [Expression(g, names, constants) for g, _ in terms]
+            self.profiles = np.array([sample(Expression(h, ("x",), constants)) for _, h in terms])
+        try:
+            self._whole: Expression | None = Expression(text, ("x", *names), constants)
+        except ValueError:  # a parameter where only a number may be, as in a range
+            self._whole = None
+
+    @property
+    def is_one_term(self) -> bool:
+        """Whether the parameters only scale it."""
+        return self.profiles is not None and len(self.profiles) == 1
+
+    @property
+    def is_even(self) -> bool:
+        """Whether it is the same everywhere, for all parameters."""
+        return self.profiles is not None and not np.ptp(self.profiles, axis=1).any()
+
+    def factors(self, values: Mapping[str, float]) -> np.ndarray:
+        """g_i, shape (terms,)."""
+        return np.array([float(factor(**values)) for factor in self._factors])
+
+    def at(self, values: Mapping[str, float]) -> np.ndarray:
+        """The field of the particles, shape (N,)."""
+        if self.profiles is not None:
+            return self.factors(values) @ self.profiles
+        if self._whole is None:
+            return self.sample(Expression(self.text, ("x",), {**self.constants, **values}))
+        whole = self._whole
+        return self.sample(lambda x: whole(x=x, **values))
