@@ -250,9 +250,9 @@ class LiftedModel:
         """The model in the modes of its operator."""
         damping = self.scene.damping_values()
         if damping.size and damping.min() < damping.max():
-            return _eigenmodes(self.operator)
+            return eigenmodes(self.operator)
         uniform = float(damping[0]) if damping.size else 0.0
-        return _normal_modes(self.coupling, self.translation, uniform)
+        return normal_modes(self.coupling, self.translation, uniform)
 
     def prepare(self, method: str) -> "Prepared":
         """All that precedes a run: own modes, jumps, and what the force adds.
@@ -397,7 +397,7 @@ class OwnModes:
         return np.stack([values[:count], np.pad(values[count:], (0, self.singles))], axis=1)
 
 
-def _normal_modes(coupling, rigid, damping):
+def normal_modes(coupling: np.ndarray, rigid: int, damping: float) -> OwnModes:
     """Under uniform damping: singular vectors of B pair velocity with strain."""
     kv, ke = coupling.shape
     left, frequencies, right = np.linalg.svd(coupling[rigid:])
@@ -413,7 +413,7 @@ def _normal_modes(coupling, rigid, damping):
     return OwnModes(blocks, kv - ke, to_modes, orthogonal=True, apart=True)
 
 
-def _eigenmodes(operator):
+def eigenmodes(operator: np.ndarray) -> OwnModes:
     """Otherwise: eigenvectors, real and imaginary part of each conjugate pair."""
     values, vectors = np.linalg.eig(operator)
     whole = np.flatnonzero(values.imag == 0)

@@ -1,6 +1,7 @@
 """A profile of a scene for any values of its parameters."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
 
 import numpy as np
 
@@ -57,6 +58,22 @@ class ParametricField:
     def is_one_term(self) -> bool:
         """Whether the parameters only scale it."""
         return self.profiles is not None and len(self.profiles) == 1
+
+    @cached_property
+    def _sign(self) -> float:
+        assert self.profiles is not None
+        return -1.0 if self.profiles[0, 0] < 0 else 1.0
+
+    @cached_property
+    def shape(self) -> np.ndarray:
+        """Of one term, its h with the sign that makes h positive where the field is of one sign."""
+        assert self.profiles is not None
+        return self._sign * self.profiles[0]
+
+    def scale(self, values: Mapping[str, float]) -> float:
+        """Of one term, its g with that sign; not positive where the field is not."""
+        factor = self._sign * float(self.factors(values)[0])
+        return factor if self.shape.min() > 0 else -abs(factor)
 
     @property
     def is_even(self) -> bool:
