@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Annotated, Any, Literal
 
 import numpy as np
@@ -16,6 +17,12 @@ from sphpod.surveys import samples
 
 LARGEST_COUNT = 10**7
 """Queries that a survey may have, so that a slip of the pen does not fill the disk."""
+
+OUTPUTS = 100
+"""Intervals between the outputs of a survey that says nothing else."""
+
+TAKEN = ("t", "relative_bound", "relative_estimate", "certified", "reason", "query")
+"""Names in the results of a survey."""
 
 CHECKED = 64
 """Points within the ranges at which the scene is checked, beside their corners."""
@@ -78,13 +85,13 @@ AnyQueries = Annotated[
 
 SurveyField = Literal["velocity", "strain", "stress"]
 WHAT_IS_ASKED = (
-    "what is asked: history (a field at a place at all times of the error integral), value (at one "
+    "what is asked: history (a field at a place at all outputs), value (at one "
     "time), maximum (of the field's magnitude over time), energy, energy_loss (since the start), "
     "passage (first time at which the field's magnitude reaches a level)"
 )
 FIELD_ASKED = "field that is asked for"
 PLACE_ASKED = "where, from 0 to below L [m]; the nearest particle"
-TIME_ASKED = "when [s], a time of the error integral"
+TIME_ASKED = "when [s], a whole number of output intervals"
 
 
 class Quantity(Section):
@@ -165,6 +172,11 @@ class Survey(Section):
     quantities: dict[Name, AnyQuantity] = Field(
         min_length=1, description="what is asked of each query, by name"
     )
+    output_interval: float = left_out(
+        gt=0,
+        description="distance of the times at which training runs are kept and quantities given "
+        "[s], a whole number of time steps, default T/100 or else the error interval",
+    )
     chunk_size: int = Field(
         1000, ge=1, le=LARGEST_COUNT, description="queries of one job, default 1000"
     )
@@ -212,7 +224,10 @@ def _resolved(name, survey, scenes):
         resolved["queries"] = DrawnQueries.default_keys() | survey["queries"]
     _check_queries(key, resolved["queries"], settings["parameters"])
     scene = Scene.from_settings(survey["scene"], settings)
+    resolved["output_interval"] = _output_interval(key, survey, scene)
+    scene = replace(scene, error_interval=resolved["output_interval"])
     for word, quantity in survey["quantities"].items():
+        _check_name(f"{key}.quantities", word, settings["parameters"], survey["quantities"])
         _check_quantity(f"{key}.quantities.{word}", quantity, scene)
     most = scene.particle_count
     if resolved.get("mode_count", 1) > most:
@@ -224,6 +239,24 @@ def _resolved(name, survey, scenes):
         for word, quantity in survey["quantities"].items()
     }
     return resolved
+
+
+def _output_interval(key, survey, scene):
+    """What is given, if outputs at that distance end at T; else the default."""
+
+    def ends(interval):
+        steps = interval / scene.time_step
+        return is_whole(interval, scene.time_step) and scene.step_count % round(steps) == 0
+
+    usual = scene.duration / OUTPUTS
+    interval = survey.get("output_interval", usual if ends(usual) else scene.error_interval)
+    if not ends(interval):
+        allowed = (
+            f"it must be a whole number of time steps of {checks.number(scene.time_step)}, and "
+            f"T = {checks.number(scene.duration)} a whole number of it"
+        )
+        raise refusal(None, f"{key}.output_interval", interval, allowed)
+    return interval
 
 
 def _check_queries(key, queries, parameters):
@@ -241,6 +274,17 @@ def _check_queries(key, queries, parameters):
             raise refusal(None, f"{key}.queries.from", queries["from"], str(error)) from None
 
 
+def _check_name(key, word, parameters, others):
+    """Refuse a quantity whose name another variable of the results has."""
+    ends = [word.removesuffix(end) for end in ("_low", "_high") if word.endswith(end)]
+    if word in (*TAKEN, *parameters) or any(one in others for one in ends):
+        allowed = (
+            "this name is taken in the results; allowed are others than "
+            f"{', '.join((*TAKEN, *parameters))} and those of intervals, which end with _low or _high"
+        )
+        raise refusal(None, key, word, allowed)
+
+
 def _check_quantity(key, quantity, scene):
     place, length = quantity.get("place", 0), scene.domain_length
     if place >= length:
@@ -253,8 +297,8 @@ def _check_quantity(key, quantity, scene):
     on_grid = time == 0 or is_whole(time, scene.error_interval)
     if not on_grid or time > scene.duration * (1 + 1e-9):
         allowed = (
-            f"it must be a whole number of error intervals, {checks.number(scene.error_interval)}, "
-            f"up to T = {checks.number(scene.duration)}"
+            "it must be a whole number of output intervals, "
+            f"{checks.number(scene.error_interval)}, up to T = {checks.number(scene.duration)}"
         )
         raise refusal(None, f"{key}.time", time, allowed)
 

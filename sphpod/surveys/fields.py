@@ -84,6 +84,12 @@ class ParametricField:
         """g_i, shape (terms,)."""
         return np.array([float(factor(**values)) for factor in self._factors])
 
+    def some(self, values: Mapping[str, float], particles: np.ndarray) -> np.ndarray:
+        """The field of some of the particles."""
+        if self.profiles is not None:
+            return self.factors(values) @ self.profiles[:, particles]
+        return self.at(values)[particles]
+
     def at(self, values: Mapping[str, float]) -> np.ndarray:
         """The field of the particles, shape (N,)."""
         if self.profiles is not None:

@@ -189,6 +189,16 @@ class Operators:
         columns = np.concatenate([stiff * self.stretch, soft], axis=1)
         return StressPart(soft.T @ soft, np.asarray(np.linalg.qr(columns, mode="r")))
 
+    def least_stiffness(self, values: Values) -> float:
+        """The smallest √(V c) of a particle."""
+        if self.is_affine[1]:
+            return float(np.sqrt(self.modulus.scale(values) * self._softest))
+        return float(np.sqrt((self.volumes * self.modulus.at(values)).min()))
+
+    @cached_property
+    def _softest(self):
+        return (self.volumes * self.modulus.shape).min()
+
     def point(self, values: Values) -> dict[str, float]:
         """All parameters, of which those that are not given have their nominal values."""
         for name in values:

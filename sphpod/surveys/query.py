@@ -277,7 +277,7 @@ class Survey:
         richer = whole.solve()
         return Answer(
             query, query.coordinates(state), over + full.missed, start_norm,
-            _difference(query.coordinates(state), whole.coordinates(richer)),
+            _difference(query.coordinates(state), whole.coordinates(richer)), force_norm,
         )  # fmt: skip
 
 
@@ -307,6 +307,8 @@ class Answer:
         Energy norm at t = 0.
     difference : array, shape (times,)
         Energy norm of the difference to the model of all modes, which estimates the error.
+    force_norm : float
+        Energy norm of the force's profile.
     """
 
     query: Query
@@ -314,6 +316,7 @@ class Answer:
     bound: np.ndarray
     start_norm: float
     difference: np.ndarray
+    force_norm: float
 
     @cached_property
     def norms(self) -> np.ndarray:

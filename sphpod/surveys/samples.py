@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.scene.scene import Scene
+from sphpod.scene.scene import Scene, physical_settings
 
 Ranges = Mapping[str, Mapping[str, Any]]
 """Of each parameter its nominal value, range and scale, as the configuration has them."""
@@ -15,6 +15,12 @@ Ranges = Mapping[str, Mapping[str, Any]]
 def scene_at(name: str, settings: Mapping[str, Any], values: Mapping[str, float]) -> Scene:
     """The scene of some settings with other values of its parameters."""
     return Scene.from_settings(name, {**settings, "parameters": dict(values)})
+
+
+def survey_settings(settings: Mapping[str, Any], survey: Mapping[str, Any]) -> dict[str, Any]:
+    """What of a scene's settings a survey depends on: those of its motion, with all ranges."""
+    ranges = {"parameters": settings["parameters"], "error_interval": survey["output_interval"]}
+    return physical_settings(settings) | ranges
 
 
 def points(ranges: Ranges, queries: Mapping[str, Any]) -> np.ndarray:

@@ -2,7 +2,8 @@
 
 A coefficient c(x; μ) = Σ g_i(μ) h_i(x) of few terms lets an operator be projected once a term,
 after which a query needs numbers g_i alone. An expression falls apart where the parameters stand
-outside of functions that x stands in: ``stiffness*(1 + contrast*sin(x))`` does, ``exp(-x/width)`` does not.
+outside of functions that x stands in: ``stiffness*(1 + contrast*sin(x))`` does, ``exp(-x/width)``
+does not.
 """
 
 import ast

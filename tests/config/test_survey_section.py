@@ -72,12 +72,15 @@ def test_what_a_scene_depends_on_holds_no_ranges() -> None:
         (settings(queries={"from": "no.csv"}), "it cannot be read as a table"),
         (settings(chunk_size=0), "it must be at least 1"),
         (settings(mode_count=31), "at most the 30 particles"),
+        (settings(output_interval=0.003), "a whole number of time steps"),
+        (settings(quantities={"t": {"kind": "energy"}}), "this name is taken in the results"),
+        (settings(quantities={"decay": {"kind": "energy"}}), "this name is taken in the results"),
         (with_quantity(kind="energi"), "allowed are history, value"),
         (with_quantity(kind="energy", place=1), "a quantity of kind energy has no such key"),
         (with_quantity(kind="passage", place=0), "a quantity of kind passage needs it"),
         (with_quantity(kind="value", place=0, field="density"), "velocity, strain, stress"),
         (with_quantity(kind="value", place=1), "it must be at least 0 and below L = 1"),
-        (with_quantity(kind="value", place=0, time=0.005), "a whole number of error intervals"),
+        (with_quantity(kind="value", place=0, time=0.005), "a whole number of output intervals"),
     ],
 )
 def test_a_fault_is_one_sentence(changed, told) -> None:
