@@ -28,6 +28,7 @@ SURVEY: dict[str, Any] = {
     "queries": {"count": 16},
     "chunk_size": 8,
     "validation": 3,
+    "sobol_samples": 16,
     "quantities": {
         "sensor": {"kind": "history", "place": 0.3},
         "peak": {"kind": "maximum", "field": "strain", "place": 0.3, "width": 0.1},

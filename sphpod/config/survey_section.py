@@ -183,6 +183,13 @@ class Survey(Section):
     validation: int = Field(
         8, ge=0, le=10000, description="queries that are also solved in full, default 8"
     )
+    sobol_samples: int = Field(
+        256,
+        ge=0,
+        le=2**20,
+        description="base samples of the Sobol indices, a power of two, each of which is a query "
+        "for each parameter and two more; 0 for none, default 256",
+    )
 
 
 def resolved_surveys(
@@ -222,6 +229,9 @@ def _resolved(name, survey, scenes):
     }
     if "count" in survey["queries"]:
         resolved["queries"] = DrawnQueries.default_keys() | survey["queries"]
+    if resolved["sobol_samples"] & (resolved["sobol_samples"] - 1):
+        allowed = "it must be a power of two, or 0"
+        raise refusal(None, f"{key}.sobol_samples", resolved["sobol_samples"], allowed)
     _check_queries(key, resolved["queries"], settings["parameters"])
     scene = Scene.from_settings(survey["scene"], settings)
     resolved["output_interval"] = _output_interval(key, survey, scene)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.pipeline.dataset import Variable
-from sphpod.surveys import samples, training, validation
+from sphpod.surveys import samples, sensitivity, training, validation
 from sphpod.surveys.answers import OF_QUERY, answer_all, chunk_points, of_settings, variables
 from sphpod.surveys.parts import Operators
 from sphpod.surveys.questions import questions
@@ -50,6 +50,11 @@ def validated(name: str, settings: Settings, survey: Settings, model: Arrays) ->
     return validation.validate(name, settings, survey, model)
 
 
+def shared_out(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
+    """Sobol indices of the quantities of a survey."""
+    return sensitivity.share_out(name, settings, survey, model)
+
+
 def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Variable]:
     """What the names mean of the arrays of all these."""
     none = np.zeros((1, settings["particle_count"]))
@@ -61,6 +66,7 @@ def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Varia
         **training.RUN_VARIABLES,
         **training.MODEL_VARIABLES,
         **validation.VARIABLES,
+        **sensitivity.VARIABLES,
         **OF_QUERY,
         **variables(asked, settings["parameters"]),
     }

@@ -53,12 +53,66 @@ def chunk_files(wildcards):
     return [f"<results>/surveys/{wildcards.survey}/queries/{n}.nc" for n in range(count)]
 
 
+SURVEY_TABLES = {
+    "answers": "answers.nc",
+    "quantiles": "answers.nc",
+    "indices": "indices.nc",
+    "validation": "validation.nc",
+}
+SURVEY_FIGURES = {
+    "responses": "answers",
+    "histograms": "answers",
+    "indices": "indices",
+    "errors": "validation",
+}
+
+
+def drawn_of_survey(wildcards):
+    """What a figure of a survey shows."""
+    known("survey", wildcards.survey, SURVEYS)
+    shown = SURVEY_FIGURES[wildcards.drawing]
+    return {shown: f"<results>/surveys/{wildcards.survey}/{shown}.nc"}
+
+
+def survey_numbers(survey):
+    """Quantities of a survey that are numbers, each with its label."""
+    units = {"velocity": "m/s", "strain": "", "stress": "Pa"}
+    found = {}
+    for name, asked in SURVEYS[survey]["quantities"].items():
+        unit = "J/m²" if "energy" in asked["kind"] else units.get(asked.get("field"), "")
+        unit = "s" if asked["kind"] == "passage" else unit
+        if asked["kind"] != "history":
+            found[name] = f"{name} [{unit}]" if unit else name
+    return found
+
+
+def survey_options(wildcards):
+    """Arguments of the plotting function that are not inputs."""
+    survey = SURVEYS[wildcards.survey]
+    options = {
+        "parameters": SCENES[survey["scene"]]["parameters"],
+        "quantities": survey_numbers(wildcards.survey),
+        "tolerance": survey["tolerance"],
+    }
+    asked = {
+        "responses": ("parameters", "quantities"),
+        "histograms": ("quantities",),
+        "errors": ("tolerance",),
+    }
+    return {name: options[name] for name in asked.get(wildcards.drawing, ())}
+
+
 def survey_files(survey):
     """All that a survey gives."""
-    names = ["answers.csv", "quantiles.csv", "indices.csv", "responses.pdf", "responses.png"]
-    names += ["histograms.pdf", "histograms.png"]
+    drawn, tables = [], ["answers", "quantiles"]
+    if survey_numbers(survey):
+        drawn += ["responses", "histograms"]
+    if survey_numbers(survey) and SURVEYS[survey]["sobol_samples"]:
+        drawn, tables = [*drawn, "indices"], [*tables, "indices"]
     if SURVEYS[survey]["validation"]:
-        names += ["validation.csv", "errors.pdf", "errors.png"]
+        drawn, tables = [*drawn, "errors"], [*tables, "validation"]
+    names = [f"{name}.csv" for name in tables]
+    names += [f"{name}.{form}" for name in drawn for form in ("pdf", "png")]
     return [f"<results>/surveys/{survey}/{name}" for name in names]
 
 
@@ -137,3 +191,56 @@ rule survey_validation:
         "Survey {wildcards.survey}: random queries solved in full"
     script:
         "../scripts/survey.py"
+
+
+rule survey_indices:
+    input:
+        model=f"{SURVEY}/model.nc",
+    output:
+        f"{SURVEY}/indices.nc",
+    log:
+        "<logs>/surveys/{survey}/indices.log",
+    params:
+        **of_survey("shared_out", (*ANSWERED_BY, "sobol_samples")),
+    message:
+        "Survey {wildcards.survey}: Sobol indices"
+    script:
+        "../scripts/survey.py"
+
+
+rule survey_table:
+    input:
+        lambda wildcards: f"{SURVEY}/{SURVEY_TABLES[wildcards.table]}".format(**wildcards),
+    output:
+        f"{SURVEY}/{{table}}.csv",
+    log:
+        "<logs>/surveys/{survey}/{table}_table.log",
+    wildcard_constraints:
+        table="|".join(SURVEY_TABLES),
+    params:
+        rows=lambda wildcards: wildcards.table,
+        code=lambda wildcards: provenance.digest(f"surveys.tables.{wildcards.table}"),
+    message:
+        "Survey {wildcards.survey}: table of {wildcards.table}"
+    script:
+        "../scripts/survey_table.py"
+
+
+rule survey_figure:
+    input:
+        unpack(drawn_of_survey),
+    output:
+        pdf=f"{SURVEY}/{{drawing}}.pdf",
+        png=f"{SURVEY}/{{drawing}}.png",
+    log:
+        "<logs>/surveys/{survey}/{drawing}_figure.log",
+    wildcard_constraints:
+        drawing="|".join(SURVEY_FIGURES),
+    params:
+        draw=lambda wildcards: f"figures.survey_plots.{wildcards.drawing}",
+        options=survey_options,
+        code=lambda wildcards: provenance.digest(f"figures.survey_plots.{wildcards.drawing}"),
+    message:
+        "Survey {wildcards.survey}: figure of {wildcards.drawing}"
+    script:
+        "../scripts/figure.py"
