@@ -289,8 +289,8 @@ def _check_name(key, word, parameters, others):
     ends = [word.removesuffix(end) for end in ("_low", "_high") if word.endswith(end)]
     if word in (*TAKEN, *parameters) or any(one in others for one in ends):
         allowed = (
-            "this name is taken in the results; allowed are others than "
-            f"{', '.join((*TAKEN, *parameters))} and those of intervals, which end with _low or _high"
+            f"this name is taken in the results; allowed are others than {', '.join(TAKEN)}, "
+            "parameters, and those of intervals, which end with _low or _high"
         )
         raise refusal(None, key, word, allowed)
 

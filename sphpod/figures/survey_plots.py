@@ -1,4 +1,4 @@
-"""Figures of surveys of parameters, one function a kind, in the style of `sphpod.figures.plotting`."""
+"""Figures of surveys of parameters, one function a kind, in the style of the other figures."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -39,16 +39,12 @@ def scalars(found: Arrays) -> list[str]:
 
 def indices(found: Arrays) -> Rows:
     """One row for each parameter of each quantity."""
-    count, parameters = found["first_index"].shape
+    shape = count, parameters = found["first_index"].shape
     rows: Rows = {
         "quantity": np.repeat(found["quantity"], parameters),
         "parameter": np.tile(found["parameter"], count),
     }
-    return rows | {
-        name: values.ravel()
-        for name, values in found.items()
-        if values.shape == (count, parameters)
-    }
+    return rows | {name: values.ravel() for name, values in found.items() if values.shape == shape}
 
 
 def validation(found: Arrays) -> Rows:
