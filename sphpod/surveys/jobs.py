@@ -61,7 +61,7 @@ def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Varia
     of_scene = Operators(
         name, settings, {"velocity_modes": none, "stress_modes": none, "translation": 0}
     )
-    asked = questions(of_scene, survey["quantities"])
+    asked = questions(of_scene, survey.get("quantities", {}))
     return {
         **training.RUN_VARIABLES,
         **training.MODEL_VARIABLES,

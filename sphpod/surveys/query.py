@@ -22,6 +22,7 @@ from sphpod.numerics.expressions import Expression
 from sphpod.reduced.error_bound import Bound, Map, forces_on, over_time
 from sphpod.reduced.lifted_rom import OwnModes, eigenmodes, normal_modes
 from sphpod.scene.scene import Scene
+from sphpod.surveys.oscillating import oscillating_bound
 from sphpod.surveys.parts import Operators, Values
 
 DEPENDENT = 1e-12
@@ -260,23 +261,14 @@ class Survey:
         query = whole.leading(self.count)
         state = query.solve()
         velocity, stress, beside, start_norm, force_norm = self.residual(query, *parts)
-        push = forces_on(_Forced(query), query)
-        full = _Norms(
-            query.scene,
-            np.array([start_norm]),
-            query.courses,
-            np.full((1, len(query.courses)), force_norm),
-        )
-        bound = Bound(
-            float(beside),
-            None,
-            Map.of(query, push, np.concatenate([velocity, stress])),
-            *_damped(query, push, velocity, stress),
-        )
-        (over,) = over_time(full, query, query.own_start, [bound], 0.0)
+        if query.uniform is not None and not query.courses:
+            over = oscillating_bound(query, velocity, stress, float(beside), start_norm)
+        else:
+            norms = start_norm, force_norm
+            over = _driven_bound(query, velocity, stress, float(beside), norms)
         richer = whole.solve()
         return Answer(
-            query, query.coordinates(state), over + full.missed, start_norm,
+            query, query.coordinates(state), over, start_norm,
             _difference(query.coordinates(state), whole.coordinates(richer)), force_norm,
         )  # fmt: skip
 
@@ -350,6 +342,18 @@ def _cholesky(matrix):
     if np.any(np.diag(lower) <= DEPENDENT * np.sqrt(np.diag(matrix))):
         raise ValueError("the shared modes are linearly dependent")
     return lower
+
+
+def _driven_bound(query, velocity, stress, beside, norms):
+    """Bound of the energy norm of the error at the outputs, with a force or uneven damping."""
+    push = forces_on(_Forced(query), query)
+    full = _Norms(
+        query.scene, np.array([norms[0]]), query.courses, np.full((1, len(query.courses)), norms[1])
+    )
+    residual = Map.of(query, push, np.concatenate([velocity, stress]))
+    bound = Bound(beside, None, residual, *_damped(query, push, velocity, stress))
+    (over,) = over_time(full, query, query.own_start, [bound], 0.0)
+    return over + full.missed
 
 
 def _damped(query, push, velocity, stress):

@@ -70,7 +70,9 @@ def test_the_bound_holds_where_queries_are_solved_in_full(surveyed) -> None:
 def test_a_lost_chunk_is_made_anew_alone_and_bytes_depend_on_no_chunk_size(surveyed) -> None:
     chunks, whole = surveyed / FOLDER / "queries", surveyed / FOLDER / "answers.nc"
     before = {path: path.read_bytes() for path in (*chunks.iterdir(), whole)}
-    (chunks / "1.nc").unlink()
+    values = dataset.read(whole)
+    for lost in (chunks / "1.nc", whole, surveyed / FOLDER / "answers.csv"):
+        lost.unlink()
     run = snakemake(surveyed, "--", str(FOLDER / "answers.csv"))
     assert "chunk 1" in run.stderr
     assert "chunk 0" not in run.stderr

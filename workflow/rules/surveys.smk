@@ -24,8 +24,8 @@ def survey_keys(*names):
     }
 
 
-TRAINED_BY = "training", "quantities", "output_interval"
-ANSWERED_BY = *TRAINED_BY, "mode_count", "tolerance"
+TRAINED_BY = "training", "output_interval"
+ANSWERED_BY = *TRAINED_BY, "mode_count", "tolerance", "quantities"
 
 
 def of_survey(compute, keys, **arguments):
