@@ -16,13 +16,13 @@ def check_folds(operators: Operators, answer: Answer, values: Values) -> None:
     ------
     ValueError
     """
-    times = answer.query.scene.error_times
-    pushed = sum(course.impulse(times)[-1] for course in answer.query.courses)
+    query = answer.query
+    pushed = sum(course.impulse(query.times)[-1] for course in query.courses)
     if answer.start_norm + answer.force_norm * pushed < 0.99 * operators.least_stiffness(values):
         return
     modulus = operators.modulus.at(values)
     weights = np.sqrt(operators.volumes * modulus)
-    inverse = answer.query.stress_modes
+    inverse = query.stress_modes
     stress = answer.coordinates[1] @ inverse @ operators.stress_modes[: len(inverse)]
     least = (stress / modulus - answer.bound[:, None] / weights).min()
     if not least > -1:

@@ -51,7 +51,7 @@ def oscillating_bound(
             break
         # What is not known falls as the square of the step.
         steps = min(FINEST, steps * 2 ** int(np.ceil(np.log2(np.clip(missing, 4, 1024)) / 2)))
-    times = query.scene.error_times
+    times = query.times
     # Within a step the bound is that of its end.
     place = np.minimum(np.ceil(times * (steps / duration) * (1 - 1e-15)).astype(int), steps)
     return bound[place] + rounding * np.linalg.norm(query.own_start) * times

@@ -37,6 +37,8 @@ class Query:
     ----------
     scene : Scene
         At nominal values: of it only times and particles are used.
+    times : array, shape (times,)
+        Those of the outputs [s].
     velocity_modes, stress_modes : arrays, shapes (kv, kv) and (ke, ke)
         C⁻¹ and E⁻¹: coordinates of energy to those in the shared modes, a = C⁻ᵀ â.
     coupling, damping : arrays, shapes (kv, ke) and (kv, kv)
@@ -51,6 +53,7 @@ class Query:
     """
 
     scene: Scene
+    times: np.ndarray
     velocity_modes: np.ndarray
     stress_modes: np.ndarray
     coupling: np.ndarray
@@ -97,10 +100,10 @@ class Query:
             own.singles,
             own.in_blocks(push)[None],
             scene.error_interval,
-            scene.error_times.size,
+            self.times.size,
             self.courses,
         )
-        state = np.zeros((len(push), scene.error_times.size))
+        state = np.zeros((len(push), self.times.size))
         state[:, 0] = self.own_start
         jumps.run(state)
         return state
@@ -139,6 +142,7 @@ class Survey:
     def __init__(self, operators: Operators, count: int) -> None:
         self.operators = operators
         self.count = min(count, len(operators.velocity_modes))
+        self._times = operators.nominal.error_times
         self._course: tuple[Course, ...] | None = None
 
     def courses(self, values: Values) -> tuple[Course, ...]:
@@ -192,6 +196,7 @@ class Survey:
         force = np.where(np.abs(force) > 1e-13 * np.linalg.norm(force), force, 0)
         query = Query(
             operators.nominal,
+            self._times,
             within(np.eye(len(lower))),
             solve_triangular(soft, np.eye(len(soft)), lower=True),
             coupling,
