@@ -103,7 +103,8 @@ def of_settings(
 ) -> tuple[Survey, dict[str, Question]]:
     """A survey and its questions, of the settings of its scene and of a trained model."""
     operators = Operators(name, settings, model)
-    return Survey(operators, int(model["mode_count"])), questions(operators, survey["quantities"])
+    reduced = Survey(operators, int(model["mode_count"]), survey["tolerance"])
+    return reduced, questions(operators, survey["quantities"])
 
 
 def chunk_points(survey: Mapping[str, Any], ranges: samples.Ranges, chunk: int) -> np.ndarray:

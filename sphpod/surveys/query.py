@@ -137,10 +137,13 @@ class Survey:
     operators : Operators
     count : int
         Velocity modes of the queries; all there are serve the estimate of their errors.
+    tolerance : float
+        Relative bound from which on a bound is sharpened by the model of all modes: the error is at
+        most the difference from that, which is known, and the error of that.
     """
 
-    def __init__(self, operators: Operators, count: int) -> None:
-        self.operators = operators
+    def __init__(self, operators: Operators, count: int, tolerance: float = 0.0) -> None:
+        self.operators, self.tolerance = operators, tolerance
         self.count = min(count, len(operators.velocity_modes))
         self._times = operators.nominal.error_times
         self._course: tuple[Course, ...] | None = None
@@ -255,7 +258,7 @@ class Survey:
         )
 
     def answer(self, values: Values) -> "Answer":
-        """Solve a query and bound its error.
+        """Solve a query and bound its error, at the times of the outputs.
 
         Raises
         ------
@@ -264,18 +267,22 @@ class Survey:
         """
         whole, *parts = self.model(values)
         query = whole.leading(self.count)
-        state = query.solve()
-        velocity, stress, beside, start_norm, force_norm = self.residual(query, *parts)
+        state, richer = query.solve(), whole.solve()
+        coordinates = query.coordinates(state)
+        difference = _difference(coordinates, whole.coordinates(richer))
+        bound, start_norm, force_norm = self._bound(query, parts)
+        found = Answer(query, coordinates, bound, start_norm, difference, force_norm)
+        if found.relative_bound <= self.tolerance or len(whole.start) == len(query.start):
+            return found
+        beyond, *_ = self._bound(whole, parts)
+        return replace(found, bound=np.minimum(bound, difference + beyond))
+
+    def _bound(self, query, parts):
+        """Bound of a model's error at the outputs, and norms of the start and of the force."""
+        velocity, stress, beside, *norms = self.residual(query, *parts)
         if query.uniform is not None and not query.courses:
-            over = oscillating_bound(query, velocity, stress, float(beside), start_norm)
-        else:
-            norms = start_norm, force_norm
-            over = _driven_bound(query, velocity, stress, float(beside), norms)
-        richer = whole.solve()
-        return Answer(
-            query, query.coordinates(state), over, start_norm,
-            _difference(query.coordinates(state), whole.coordinates(richer)), force_norm,
-        )  # fmt: skip
+            return oscillating_bound(query, velocity, stress, float(beside), norms[0]), *norms
+        return _driven_bound(query, velocity, stress, float(beside), norms), *norms
 
 
 @dataclass(frozen=True)

@@ -107,7 +107,7 @@ def _fewest(name, settings, tolerance, shared, points):
     low, high = int(shared["translation"]), len(shared["velocity_modes"])
 
     def suffices(count):
-        survey = Survey(operators, count)
+        survey = Survey(operators, count, np.inf)
         answers = (survey.answer(_values(settings, point)) for point in points)
         return all(answer.relative_bound <= tolerance for answer in answers)
 
