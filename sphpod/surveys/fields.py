@@ -82,7 +82,7 @@ class ParametricField:
 
     def factors(self, values: Mapping[str, float]) -> np.ndarray:
         """g_i, shape (terms,)."""
-        return np.array([float(factor(**values)) for factor in self._factors])
+        return np.array([float(factor(**_arrays(values))) for factor in self._factors])
 
     def some(self, values: Mapping[str, float], particles: np.ndarray) -> np.ndarray:
         """The field of some of the particles."""
@@ -97,4 +97,8 @@ class ParametricField:
         if self._whole is None:
             return self.sample(Expression(self.text, ("x",), {**self.constants, **values}))
         whole = self._whole
-        return self.sample(lambda x: whole(x=x, **values))
+        return self.sample(lambda x: whole(x=x, **_arrays(values)))
+
+
+def _arrays(values):
+    return {name: np.asarray(value) for name, value in values.items()}

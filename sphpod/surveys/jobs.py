@@ -24,8 +24,10 @@ def training_run(name: str, settings: Settings, survey: Settings, number: int) -
     return training.run(name, settings, survey, number)
 
 
-def model(name: str, settings: Settings, survey: Settings, runs: Sequence[Arrays]) -> dict:
+def model(name: str, settings: Settings, survey: Settings, runs: Sequence[Arrays] = ()) -> dict:
     """Modes that the queries of a survey share."""
+    if survey["training"]["method"] == "greedy":
+        return training.train_greedily(name, settings, survey)
     return training.train(name, settings, survey, runs)
 
 

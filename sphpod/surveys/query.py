@@ -19,7 +19,7 @@ from scipy.linalg import solve_triangular
 from sphpod.numerics import propagator
 from sphpod.numerics.course import Course
 from sphpod.numerics.expressions import Expression
-from sphpod.reduced.error_bound import Bound, Map, forces_on, over_time
+from sphpod.reduced.error_bound import Bound, Map, over_time
 from sphpod.reduced.lifted_rom import OwnModes, eigenmodes, normal_modes
 from sphpod.scene.scene import Scene
 from sphpod.surveys.oscillating import oscillating_bound
@@ -90,6 +90,12 @@ class Query:
     def own_start(self) -> np.ndarray:
         """Own coordinates at t = 0."""
         return self.own.from_modes[:, : len(self.start)] @ self.start
+
+    @property
+    def push(self) -> np.ndarray:
+        """The force on the own coordinates, shape (coordinates, forces)."""
+        push = self.own.from_modes[:, : len(self.force)] @ self.force
+        return push[:, None] if self.courses else np.zeros((push.size, 0))
 
     def solve(self) -> np.ndarray:
         """Own coordinates at the times of the error integral, (coordinates, times)."""
@@ -229,7 +235,7 @@ class Survey:
         own, kv, ke = query.own, len(query.velocity_modes), len(query.stress_modes)
         a = query.velocity_modes.T @ own.to_modes[:kv]
         b = query.stress_modes.T @ own.to_modes[kv:]
-        push = forces_on(_Forced(query), query)
+        push = query.push
         ends = np.cumsum(
             [len(self.operators.stress_modes)]
             + [len(part.mass)] * len(damped)
@@ -283,17 +289,6 @@ class Survey:
         if query.uniform is not None and not query.courses:
             return oscillating_bound(query, velocity, stress, float(beside), norms[0]), *norms
         return _driven_bound(query, velocity, stress, float(beside), norms), *norms
-
-
-@dataclass(frozen=True)
-class _Forced:
-    """Of a full model, what forces there are."""
-
-    query: Query
-
-    @property
-    def courses(self) -> tuple[Course, ...]:
-        return self.query.courses
 
 
 @dataclass(frozen=True)
@@ -356,9 +351,9 @@ def _cholesky(matrix):
     return lower
 
 
-def _driven_bound(query, velocity, stress, beside, norms):
+def _driven_bound(query: Any, velocity, stress, beside, norms):
     """Bound of the energy norm of the error at the outputs, with a force or uneven damping."""
-    push = forces_on(_Forced(query), query)
+    push = query.push
     full = _Norms(
         query.scene, np.array([norms[0]]), query.courses, np.full((1, len(query.courses)), norms[1])
     )

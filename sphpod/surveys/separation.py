@@ -77,7 +77,7 @@ def _series(series, parameters):
     """Terms of a sum, whose index stands in one factor of each."""
     match series:
         case ast.Tuple(elts=items) | ast.List(elts=items):
-            found = []
+            found: Terms | None = []
             for item in items:
                 found = _joined(found, _terms(item, parameters))
             return found
@@ -90,13 +90,13 @@ def _series(series, parameters):
             bounds = frozenset().union(*(names(loop.iter) for loop in loops))
             if within is None or (bounds & (parameters | {"x"})):
                 return None
-            found = []
+            summed = []
             for g, h in within:
                 in_g, in_h = (bool(names(ast.parse(part)) & indices) for part in (g, h))
                 if in_g and in_h:
                     return None
-                found.append((g, f"sum({h} {over})") if in_h else (f"sum({g} {over})", h))
-            return found
+                summed.append((g, f"sum({h} {over})") if in_h else (f"sum({g} {over})", h))
+            return summed
     return None
 
 

@@ -21,6 +21,9 @@ MOST_MODES = 80
 RICHER = 2
 """How many times the modes of the queries serve the estimate of their errors."""
 
+CANDIDATES = 64
+"""Points of which greedy training takes the next run."""
+
 RUN_VARIABLES = {
     "point": Variable(("parameter",), "", "values of the parameters, in SI units"),
     "strain": Variable(("t", "x"), "1", "strain of the particles"),
@@ -43,6 +46,11 @@ def training_points(survey: Mapping[str, Any], ranges: samples.Ranges) -> np.nda
     return samples.points(ranges, survey["training"])
 
 
+def _run_at(name, settings, point):
+    scene = samples.scene_at(name, settings, _values(settings, point))
+    return lifted.solve(scene, "exact") | {"point": point}
+
+
 def run(
     name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], number: int
 ) -> dict[str, np.ndarray]:
@@ -53,9 +61,7 @@ def run(
     dict
         t, x, velocity and strain (times, N), and point (parameters,).
     """
-    point = training_points(survey, settings["parameters"])[number]
-    scene = samples.scene_at(name, settings, _values(settings, point))
-    return lifted.solve(scene, "exact") | {"point": point}
+    return _run_at(name, settings, training_points(survey, settings["parameters"])[number])
 
 
 def _values(settings, point):
@@ -90,6 +96,33 @@ def train(
         count = _fewest(name, settings, survey["tolerance"], _first(shared, MOST_MODES), points)
     kept = min(most, RICHER * count, max(MOST_MODES, count))
     return _first(shared, kept) | {"mode_count": np.array(count), "training_points": points}
+
+
+def train_greedily(
+    name: str, settings: Mapping[str, Any], survey: Mapping[str, Any]
+) -> dict[str, np.ndarray]:
+    """The same of runs that follow from one another: each where the bound is largest so far.
+
+    The first is at the nominal values. It ends when the bound is within the tolerance at all
+    candidates, a Sobol set of the ranges, or after ``training.count`` runs.
+    """
+    ranges, keys = settings["parameters"], survey["training"]
+    drawn = {"count": CANDIDATES, "seed": keys["seed"]}
+    candidates = samples.points(ranges, drawn)
+    runs, point = [], np.array([float(given["nominal"]) for given in ranges.values()])
+    while True:
+        runs.append(_run_at(name, settings, point))
+        found = train(name, settings, survey, runs)
+        if len(runs) == keys["count"] or not len(candidates):
+            return found
+        reduced = Survey(Operators(name, settings, found), int(found["mode_count"]), np.inf)
+        answers = (reduced.answer(_values(settings, each)) for each in candidates)
+        bounds = np.array([answer.relative_bound for answer in answers])
+        worst = int(bounds.argmax())
+        logger.info("%d training runs: bounds up to %.3g", len(runs), bounds[worst])
+        if bounds[worst] <= survey["tolerance"]:
+            return found
+        point, candidates = candidates[worst], np.delete(candidates, worst, axis=0)
 
 
 def _first(shared, count):

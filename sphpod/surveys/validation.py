@@ -64,16 +64,16 @@ def validate(
             for question in asked.values()
         )
         rows.append((true, answer.estimate, answer.relative_bound, held))
-    true, estimate, bound, held = np.array(rows, float).reshape(-1, 4).T
+    errors, estimate, bound, inside = np.array(rows, float).reshape(-1, 4).T
     with np.errstate(divide="ignore", invalid="ignore"):
-        effectivity = bound / true
+        effectivity = bound / errors
     return {
         **{parameter: points[:, n] for n, parameter in enumerate(ranges)},
-        "true_error": true,
+        "true_error": errors,
         "relative_estimate": estimate,
         "relative_bound": bound,
         "effectivity": effectivity,
-        "inside": held.astype(np.int8),
+        "inside": inside.astype(np.int8),
     }
 
 

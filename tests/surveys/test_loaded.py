@@ -115,6 +115,18 @@ def test_modes_are_as_few_as_meet_the_tolerance() -> None:
     assert counts[0] < counts[1]
 
 
+def test_greedy_training_ends_where_the_bound_meets_the_tolerance() -> None:
+    resolved = load([], settings(training={"count": 12, "method": "greedy"}, tolerance=1e-4))
+    physics, survey = resolved["scenes"]["bar"], resolved["surveys"]["graded"]
+    model = training.train_greedily("bar", physics, survey)
+    assert 1 < len(model["training_points"]) < 12
+    found = validation.validate("bar", physics, {**survey, "validation": 10}, model)
+    assert found["relative_bound"].max() <= 2e-4
+    few = load([], settings(training={"count": 2, "method": "greedy"}, tolerance=1e-9))
+    model = training.train_greedily("bar", physics, few["surveys"]["graded"])
+    assert len(model["training_points"]) == 2
+
+
 def test_indices_of_a_quantity_that_one_parameter_makes(made) -> None:
     physics, keys, model = made
     kept = {**keys, "quantities": {"energy": QUANTITIES["energy"]}, "sobol_samples": 64}

@@ -18,9 +18,7 @@ def survey_physics(wildcards):
 def survey_keys(*names):
     """Those settings of a survey, of which its results depend on these alone."""
     return lambda wildcards: {
-        name: SURVEYS[wildcards.survey][name]
-        for name in names
-        if name in SURVEYS[wildcards.survey]
+        name: SURVEYS[wildcards.survey][name] for name in names if name in SURVEYS[wildcards.survey]
     }
 
 
@@ -44,7 +42,9 @@ def of_survey(compute, keys, **arguments):
 
 def training_files(wildcards):
     known("survey", wildcards.survey, SURVEYS)
-    count = SURVEYS[wildcards.survey]["training"]["count"]
+    training = SURVEYS[wildcards.survey]["training"]
+    # Greedy runs follow from one another, in the job of the modes.
+    count = training["count"] if training["method"] == "sobol" else 0
     return [f"<results>/surveys/{wildcards.survey}/training/{n}.nc" for n in range(count)]
 
 
