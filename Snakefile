@@ -5,6 +5,7 @@ snakemake --cores 2 --configfile config/small.yaml      another configuration in
 snakemake --cores 2 results/damped/uniform12/pod.nc     one result, and the ancestors it lacks
 snakemake --cores 2 lifted                              lifted models: thresholds, certified errors
 snakemake --cores 2 benchmarks                          run time against error of every method
+snakemake --cores 2 surveys                             thousands of queries at other parameters
 snakemake --cores 2 stability                           where every method is stable, and what breaks it
 """
 
@@ -16,6 +17,7 @@ include: "workflow/rules/common.smk"
 include: "workflow/rules/solve.smk"
 include: "workflow/rules/reduce.smk"
 include: "workflow/rules/studies.smk"
+include: "workflow/rules/surveys.smk"
 include: "workflow/rules/report.smk"
 
 
@@ -81,3 +83,8 @@ rule stability:
         tables("stability"),
         # Full SPH of every scene holds in its attributes and its log what is predicted of it.
         expand("<results>/{scene}/sph.nc", scene=SCENES),
+
+
+rule surveys:
+    input:
+        [file for survey in SURVEYS for file in survey_files(survey)],

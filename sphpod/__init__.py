@@ -14,6 +14,7 @@ _HOMES = {
     "load_scene": "config.configured",
     "load_samplings": "config.configured",
     "make_scene": "config.configured",
+    "load_survey": "surveys.loaded",
     "solve_sph": "api",
     "solve_lifted": "api",
     "solve_reference": "api",

@@ -17,6 +17,7 @@ from sphpod.config.configured import load_scene as load_scene
 from sphpod.config.configured import make_scene as make_scene
 from sphpod.scene.breakdown import Breakdown as Breakdown
 from sphpod.scene.scene import Scene as Scene
+from sphpod.surveys.loaded import load_survey as load_survey
 
 __version__: str
 __all__: list[str]

@@ -381,7 +381,7 @@ def test_every_rule_has_its_place_in_the_profile():
         cwd=ROOT, capture_output=True, text=True, check=True,
     )  # fmt: skip
     rules = {name for name in run.stdout.split() if not name.startswith("unknown_")}
-    local = {"all", "lifted", "benchmarks", "stability"}
+    local = {"all", "lifted", "benchmarks", "stability", "surveys"}
     placed = set(profile["groups"]) | set(profile["set-resources"])
     assert rules - local == placed
     timed = {name for name, given in profile["set-resources"].items() if "slurm_extra" in given}

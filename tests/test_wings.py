@@ -16,7 +16,7 @@ WINGS = (
     {"full"},
     {"reference"},
     {"reduced"},
-    {"stability"},
+    {"stability", "surveys"},
     {"studies"},
     {"config"},
     {"paper"},

@@ -37,6 +37,7 @@ from sphpod.config.scene_section import (
 )
 from sphpod.config.sizes import check_sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
+from sphpod.config.survey_section import resolved_surveys
 from sphpod.config.varied import check_pairs, check_variants
 from sphpod.numerics.error import FIELDS
 from sphpod.reduced import snapshots
@@ -60,7 +61,7 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     -------
     The resolved settings, of plain JSON types: ``output`` ("" if there is none), ``memory``,
     ``scenes`` (``defaults`` are in them), ``illustrations``, ``claims``, ``benchmark``,
-    ``stability``, ``studies``. Every scene has
+    ``stability``, ``studies``, ``surveys``. Every scene has
     ``section``, ``error_interval``, ``references``, ``samplings`` (each with ``mode_counts`` as
     text), ``acceleration`` and ``figures`` (each with ``name`` and ``caption``); damping, force and
     interface stay away where a scene has none.
@@ -98,6 +99,7 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     }
     for name in resolved["scenes"]:
         _borrow(name, resolved["scenes"])
+    resolved["surveys"] = resolved_surveys(settings.get("surveys", {}), resolved["scenes"])
     resolved["stability"] = resolved_stability(
         settings.get("stability", {}), resolved["scenes"], memory
     )

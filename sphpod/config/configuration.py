@@ -15,6 +15,7 @@ from sphpod.config.fields import (
 )
 from sphpod.config.scene_section import Scene
 from sphpod.config.stability_section import Stability
+from sphpod.config.survey_section import Survey
 from sphpod.studies.study import studies
 
 
@@ -66,6 +67,9 @@ class Configuration(Section):
     illustrations: list[Illustration] = Field([], description="figures that show no result")
     claims: list[Claim] = Field(
         [], description="statements of the paper, each with the criterion that decides on it"
+    )
+    surveys: dict[SceneName, Survey] = Field(
+        {}, description="queries of a scene at many values of its parameters, by name"
     )
     benchmark: Benchmark = left_out(description="how CPU times are measured")
     stability: Stability = left_out(description="how stability is studied")

@@ -1,11 +1,14 @@
 """What the models of a configuration's sections are made of."""
 
 import copy
+import keyword
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import BaseModel, ConfigDict, Discriminator, Field
 from pydantic_core import PydanticCustomError, core_schema
+
+from sphpod.numerics.expressions import FUNCTIONS
 
 LARGEST_SEED = 10**15 - 1
 
@@ -82,25 +85,31 @@ BY_SHAPE = Discriminator(shape)
 # Snakemake takes what stands twenty times in a row for a rule that feeds on itself; a name may be a
 # part of the name of a file, which may have 255 letters.
 _CALM = r"(?!.*?(.+?)\1{18})"
+_TAKEN = [*keyword.kwlist, *["x", "t", "L", "T", "N", "pi", "alpha", "dt"], *FUNCTIONS]
 _LENGTHS = "up to 60 of them, nothing 19 times in a row"
 NAMES = {
     rf"^{_CALM}[a-z][a-z0-9_]{{0,59}}$(?!\n)": (
         f"lower-case letters, digits and underscores, a letter first, {_LENGTHS}"
     ),
-    rf"^{_CALM}(?!(logs|figures)$)[a-z][a-z0-9_]{{0,59}}$(?!\n)": (
+    rf"^{_CALM}(?!(logs|figures|surveys)$)[a-z][a-z0-9_]{{0,59}}$(?!\n)": (
         f"lower-case letters, digits and underscores, a letter first, {_LENGTHS}, "
-        "but not logs or figures, which are folders of logs"
+        "but not logs, figures or surveys, which are folders of other things"
     ),
     rf"^{_CALM}[A-Za-z0-9][A-Za-z0-9_.-]{{0,199}}$(?!\n)": (
         "letters, digits, dots, hyphens and underscores (the name of a file), up to 200 of them, "
         "nothing 19 times in a row"
     ),
+    rf"^(?!({'|'.join(_TAKEN)})$)[A-Za-z][A-Za-z0-9_]{{0,59}}$(?!\n)": (
+        "letters, digits and underscores, a letter first, up to 60 of them, but no word of Python "
+        "and none of x, t, L, T, N, pi, alpha, dt and the functions that expressions know"
+    ),
 }
 """What names may be, by the pattern that they match."""
 
-_PLAIN, _OF_SCENE, _OF_FILE = NAMES
+_PLAIN, _OF_SCENE, _OF_FILE, _OF_PARAMETER = NAMES
 Name = Annotated[str, Field(pattern=_PLAIN, description=NAMES[_PLAIN])]
 SceneName = Annotated[str, Field(pattern=_OF_SCENE, description=NAMES[_OF_SCENE])]
+ParameterName = Annotated[str, Field(pattern=_OF_PARAMETER, description=NAMES[_OF_PARAMETER])]
 FigureName = Annotated[str, Field(pattern=_OF_FILE, description=NAMES[_OF_FILE])]
 
 SamplingName = Annotated[str, Field(description="name of a sampling")]

@@ -98,17 +98,22 @@ def _unknown(schema, settings, path):
         meant = f", did you mean {near[0]}?" if near else ";"
         return 0, path, value, f"unknown key{meant} allowed are {', '.join(known)}"
     if "discriminator" in parent:
-        what = f"a figure of kind {above['kind']} has no such key"
+        what = f"a {_kind_of(path)} of kind {above['kind']} has no such key"
         return 1, path, value, f"{what}; allowed are {', '.join(keys_of(parent, above))}"
     return 3, path[:-1], above, f"it must be {parent['description']}"
 
 
 def _missing(parent, path, key, above):
     if "discriminator" in parent:
-        return 2, [*path, key], "(missing)", f"a figure of kind {above['kind']} needs it"
+        return 2, [*path, key], "(missing)", f"a {_kind_of(path)} of kind {above['kind']} needs it"
     if sum("properties" in branch for branch in branches(parent)) > 1:
         return 3, path, above, f"it must be {parent['description']}"
     return 2, [*path, key], "(missing)", f"it must be given{_about(_below(parent, key))}"
+
+
+def _kind_of(path):
+    """What has a kind at a path."""
+    return "quantity" if "quantities" in path else "figure"
 
 
 def _untagged(schema, settings, node, path, value):

@@ -12,6 +12,7 @@ from sphpod.config.fields import (
     FigureName,
     ModeCount,
     Name,
+    ParameterName,
     Section,
     Unique,
     left_out,
@@ -29,6 +30,19 @@ class Force(Section):
     )
     profile: Expression = Field(
         description="dimensionless profile in space, an expression in x, L and T"
+    )
+
+
+class Parameter(Section):
+    """A named number in expressions of the scene, and the range that surveys take it from."""
+
+    nominal: float = Field(description="its value wherever the scene itself runs, in SI units")
+    range: list[float] = Field(
+        min_length=2, max_length=2, description="least and largest value of a survey, in SI units"
+    )
+    scale: Literal["linear", "logarithmic"] = Field(
+        "linear",
+        description="whether values are spread evenly, or their logarithms; default linear",
     )
 
 
@@ -321,6 +335,11 @@ class Scene(Section):
     interface: Literal["mean"] = left_out(
         description="how SPH sees a modulus that jumps: with mean, a particle has the mean of its "
         "two half cells; left out, c(x) as it stands"
+    )
+    parameters: dict[ParameterName, Parameter] = left_out(
+        min_length=1,
+        description="named numbers that the scene's expressions hold, each with its nominal value, "
+        "at which the scene runs, and its range, which surveys take it from",
     )
     positions: Positions = left_out(
         description="where particles rest: shifted at random from their even places; evenly spaced "

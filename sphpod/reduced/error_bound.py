@@ -509,7 +509,7 @@ def error_bounds(
     full = full or FullModel.of(model.scene)
     start, modes = state[:, 0], own_modes(model)
     change = corrections(full, model, modes)
-    plain, corrected = _over_time(
+    plain, corrected = over_time(
         full,
         model,
         start,
@@ -526,14 +526,14 @@ def error_bounds(
         start, modes = richer_state[:, 0], own_modes(richer)
         change = corrections(full, richer, modes)
         bound = Bound.of(full, richer, start, modes, change)
-        (beyond,) = _over_time(full, richer, start, [bound], known.max())
+        (beyond,) = over_time(full, richer, start, [bound], known.max())
         best = np.minimum(best, known + beyond)
         if best.max() <= SHARP * known.max():
             break
     return best + full.missed, plain + full.missed
 
 
-def _over_time(full, model, start, bounds, known):
+def over_time(full, model, start, bounds, known):
     """Each bound at the outputs, from a grid so fine that they and what is known gain little."""
     scale = np.linalg.norm(full.start) + sum(
         np.linalg.norm(column) * np.abs(one.coefficients).sum(axis=1) @ np.diff(one.edges)

@@ -261,9 +261,9 @@ class LiftedModel:
             return OwnModes(self.operator[None], 0, np.eye(len(self.operator)), True, True)
         damping = self.scene.damping_values()
         if damping.size and damping.min() < damping.max():
-            return _eigenmodes(self.operator)
+            return eigenmodes(self.operator)
         uniform = float(damping[0]) if damping.size else 0.0
-        return _normal_modes(self.coupling, self.translation, uniform)
+        return normal_modes(self.coupling, self.translation, uniform)
 
     def prepare(self, method: str) -> "Prepared":
         """All that precedes a run: own modes, jumps, and what the force adds.
@@ -426,7 +426,7 @@ class OwnModes:
         return np.stack([forces[:, :count], second], axis=2)
 
 
-def _normal_modes(coupling, rigid, damping):
+def normal_modes(coupling: np.ndarray, rigid: int, damping: float) -> OwnModes:
     """Under uniform damping: singular vectors of B pair velocity with strain."""
     kv, ke = coupling.shape
     left, frequencies, right = np.linalg.svd(coupling[rigid:])
@@ -442,7 +442,7 @@ def _normal_modes(coupling, rigid, damping):
     return OwnModes(blocks, kv - ke, to_modes, orthogonal=True, apart=True)
 
 
-def _eigenmodes(operator):
+def eigenmodes(operator: np.ndarray) -> OwnModes:
     """Otherwise: eigenvectors, real and imaginary part of each conjugate pair."""
     values, vectors = np.linalg.eig(operator)
     whole = np.flatnonzero(values.imag == 0)

@@ -4,6 +4,7 @@ Long, as all that models ask of a scene is here.
 """
 
 import logging
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
@@ -35,8 +36,12 @@ PHYSICS_KEYS = (
     "error_interval",
     "interface",
     "positions",
+    "parameters",
 )
 """The settings of a scene that its solutions depend on; samplings, figures and the like do not."""
+
+PROFILES = ("initial_velocity", "initial_density", "youngs_modulus", "damping", "force")
+"""The settings that are expressions, in which parameters may stand."""
 
 MOMENTUM = 1e-12
 """Part of Σ m |v0| from which the total momentum Σ m v0 is not taken for rounding."""
@@ -151,7 +156,11 @@ class Scene:
         step = float(settings["time_step"])
         duration = whole_time(float(settings["duration"]), step)
         interval = whole_time(float(settings.get("error_interval", duration / 10000)), step)
-        constants = {"L": float(settings["domain_length"]), "T": duration}
+        constants = {
+            "L": float(settings["domain_length"]),
+            "T": duration,
+            **parameter_values(settings),
+        }
         length, count = constants["L"], settings["particle_count"]
         ends = Ends.of(settings)
         if ends:
@@ -486,6 +495,20 @@ def _extremes(changing):
         values = changing.at(times[rows])
         least, most = np.minimum(least, values.min(axis=0)), np.maximum(most, values.max(axis=0))
     return least, most
+
+
+def parameter_values(settings: Mapping[str, Any]) -> dict[str, float]:
+    """Values of a scene's named parameters: the nominal ones where a range is given with them."""
+    return {
+        name: float(given["nominal"] if isinstance(given, Mapping) else given)
+        for name, given in settings.get("parameters", {}).items()
+    }
+
+
+def physical_settings(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """What of a scene's settings its solutions depend on: of parameters their values alone."""
+    kept = {key: settings[key] for key in PHYSICS_KEYS if key in settings}
+    return kept | ({"parameters": parameter_values(settings)} if "parameters" in settings else {})
 
 
 @lru_cache

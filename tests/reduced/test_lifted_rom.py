@@ -52,7 +52,7 @@ def reduced(case, count=7, own="as found"):
     if own != "as found":
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(lifted_rom, "ILL_CONDITIONED", {"eigenmodes": 1e12, "one block": 0}[own])
-            model.__dict__["own"] = lifted_rom._eigenmodes(model.operator)
+            model.__dict__["own"] = lifted_rom.eigenmodes(model.operator)
     return model
 
 

@@ -27,8 +27,9 @@ from sphpod.config.config import (
 from sphpod.config.mode_counts import parse_modes, parse_pair, parse_tolerance, usual_sweep
 from sphpod.config.reading import typed
 from sphpod.scene.kernel import derivative_coefficient
-from sphpod.scene.scene import PHYSICS_KEYS, Scene
+from sphpod.scene.scene import Scene, physical_settings
 from sphpod.studies.study import figure_parts, studies as declared_studies
+from sphpod.surveys import jobs as survey_jobs, samples
 
 # That of this file, which may be a module of another workflow.
 ROOT = Path(workflow.current_basedir).parents[1]
@@ -64,6 +65,7 @@ for folder in (OUTPUT / part for part in ("results/logs", "figures")):
 if len(sys.executable.split()) > 1:
     stop(f"{sys.executable} has a space in its path, which scripts of Snakemake cannot be run with")
 SCENES = CONFIG["scenes"]
+SURVEYS = CONFIG["surveys"]
 FIGURES = {figure["name"]: figure for figure in CONFIG["illustrations"]} | {
     figure["name"]: {"scene": name, "section": scene["section"], **figure}
     for name, scene in SCENES.items()
@@ -127,7 +129,7 @@ def study_figures(target, others):
 BENCHMARK_FIGURES = study_figures("benchmarks", FIGURES)
 STABILITY_FIGURES = study_figures("stability", FIGURES | BENCHMARK_FIGURES)
 ALL_FIGURES = FIGURES | BENCHMARK_FIGURES | STABILITY_FIGURES
-TARGETS = ["all", "lifted", "benchmarks", "stability"]
+TARGETS = ["all", "lifted", "benchmarks", "stability", "surveys"]
 
 
 pathvars:
@@ -137,7 +139,9 @@ pathvars:
 
 
 wildcard_constraints:
-    scene="[^/]+",
+    # What surveys give lies in a folder of their own.
+    scene=r"(?!surveys(/|$))[^/]+",
+    survey="[^/]+",
     kind="[^/]+",
     sampling="[^/]+",
     method="[^/]+",
@@ -249,8 +253,7 @@ class Place(NamedTuple):
 
 def physics(wildcards, scenes=SCENES):
     """Settings that the solutions of a scene depend on; samplings and figures are not among them."""
-    scene = scenes[wildcards.scene]
-    return {key: scene[key] for key in PHYSICS_KEYS if key in scene}
+    return physical_settings(scenes[wildcards.scene])
 
 
 def sampling_settings(wildcards):

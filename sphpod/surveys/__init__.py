@@ -1,0 +1,1 @@
+"""Surveys of parameters: many queries of one scene, answered by one reduced model."""

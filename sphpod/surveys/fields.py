@@ -1,0 +1,104 @@
+"""A profile of a scene for any values of its parameters."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from sphpod.numerics.expressions import Expression
+from sphpod.surveys.separation import separate
+
+Sample = Callable[[Callable[..., np.ndarray]], np.ndarray]
+"""Values of a function of x as the particles have them."""
+
+
+def at_particles(positions: np.ndarray) -> Sample:
+    """A function at the particles."""
+    return lambda function: function(x=positions)
+
+
+def at_half_cells(positions: np.ndarray, quarter: float, length: float) -> Sample:
+    """A function as the mean of the two half cells of each particle."""
+    sides = (positions - quarter) % length, (positions + quarter) % length
+    return lambda function: (function(x=sides[0]) + function(x=sides[1])) / 2
+
+
+class ParametricField:
+    """h(x; μ) = Σ g_i(μ) h_i(x) at the particles; or, where it does not fall apart, as it stands.
+
+    Parameters
+    ----------
+    text : str
+    parameters : names of the μ
+    constants : further names and their values
+    sample : Sample
+
+    Attributes
+    ----------
+    profiles : array, shape (terms, N), or None
+        h_i, None where the expression does not fall apart.
+    """
+
+    def __init__(
+        self, text: str, parameters: Sequence[str], constants: Mapping[str, float], sample: Sample
+    ) -> None:
+        self.text, self.constants, self.sample = text, dict(constants), sample
+        names = tuple(parameters)
+        self.profiles: np.ndarray | None = None
+        terms = separate(text, parameters)
+        if terms is not None:
+            self._factors = [Expression(g, names, constants) for g, _ in terms]
+            self.profiles = np.array([sample(Expression(h, ("x",), constants)) for _, h in terms])
+        try:
+            self._whole: Expression | None = Expression(text, ("x", *names), constants)
+        except ValueError:  # a parameter where only a number may be, as in a range
+            self._whole = None
+
+    @property
+    def is_one_term(self) -> bool:
+        """Whether the parameters only scale it."""
+        return self.profiles is not None and len(self.profiles) == 1
+
+    @cached_property
+    def _sign(self) -> float:
+        assert self.profiles is not None
+        return -1.0 if self.profiles[0, 0] < 0 else 1.0
+
+    @cached_property
+    def shape(self) -> np.ndarray:
+        """Of one term, its h with the sign that makes h positive where the field is of one sign."""
+        assert self.profiles is not None
+        return self._sign * self.profiles[0]
+
+    def scale(self, values: Mapping[str, float]) -> float:
+        """Of one term, its g with that sign; not positive where the field is not."""
+        factor = self._sign * float(self.factors(values)[0])
+        return factor if self.shape.min() > 0 else -abs(factor)
+
+    @property
+    def is_even(self) -> bool:
+        """Whether it is the same everywhere, for all parameters."""
+        return self.profiles is not None and not np.ptp(self.profiles, axis=1).any()
+
+    def factors(self, values: Mapping[str, float]) -> np.ndarray:
+        """g_i, shape (terms,)."""
+        return np.array([float(factor(**_arrays(values))) for factor in self._factors])
+
+    def some(self, values: Mapping[str, float], particles: np.ndarray) -> np.ndarray:
+        """The field of some of the particles."""
+        if self.profiles is not None:
+            return self.factors(values) @ self.profiles[:, particles]
+        return self.at(values)[particles]
+
+    def at(self, values: Mapping[str, float]) -> np.ndarray:
+        """The field of the particles, shape (N,)."""
+        if self.profiles is not None:
+            return self.factors(values) @ self.profiles
+        if self._whole is None:
+            return self.sample(Expression(self.text, ("x",), {**self.constants, **values}))
+        whole = self._whole
+        return self.sample(lambda x: whole(x=x, **_arrays(values)))
+
+
+def _arrays(values):
+    return {name: np.asarray(value) for name, value in values.items()}

@@ -1,0 +1,29 @@
+"""Whether the line may fold in a query: a strain of -1 or less, at which two particles meet."""
+
+import numpy as np
+
+from sphpod.surveys.parts import Operators, Values
+from sphpod.surveys.query import Answer
+
+
+def check_folds(operators: Operators, answer: Answer, values: Values) -> None:
+    """Refuse an answer whose line may fold.
+
+    No strain exceeds |u| over the smallest √(V c), and |u| grows by the force alone; where that
+    excludes no fold, strain and bound are looked at at all particles and outputs.
+
+    Raises
+    ------
+    ValueError
+    """
+    query = answer.query
+    pushed = sum(course.impulse(query.times)[-1] for course in query.courses)
+    if answer.start_norm + answer.force_norm * pushed < 0.99 * operators.least_stiffness(values):
+        return
+    modulus = operators.modulus.at(values)
+    weights = np.sqrt(operators.volumes * modulus)
+    inverse = query.stress_modes
+    stress = answer.coordinates[1] @ inverse @ operators.stress_modes[: len(inverse)]
+    least = (stress / modulus - answer.bound[:, None] / weights).min()
+    if not least > -1:
+        raise ValueError(f"the line may fold: a strain may be {least:.3g}, and must be above -1")

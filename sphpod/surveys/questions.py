@@ -1,0 +1,152 @@
+"""What is asked of a query, each with an interval that the bound of its error gives.
+
+With ε the bound of the energy norm and u the solution,
+
+- a field at a place is off by at most ε times what a unit of energy norm moves it: 1/√m of a
+  particle's velocity, 1/√(V c) of its strain, √(c/V) of its stress; of a sensor that takes the mean
+  with weights w, √(Σ w² of their squares);
+- the energy by at most ε (|u| + ε/2);
+- a maximum lies between the maxima of |value| - bound and of |value| + bound;
+- a passage between the times at which |value| + bound and |value| - bound reach the level; a time
+  that is not reached is NaN.
+
+Times are those of the outputs.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sphpod.pipeline.dataset import Variable
+from sphpod.surveys.parts import Operators, Values
+from sphpod.surveys.query import Answer
+
+UNITS = {"velocity": "m s-1", "strain": "1", "stress": "Pa"}
+OF_ENERGY = "J m-2"
+
+Interval = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Value, and the least and the largest that the bound allows: of all outputs, or of one."""
+
+
+class Question:
+    """One quantity of a survey.
+
+    Parameters
+    ----------
+    operators : Operators
+    asked : dict
+        Its keys in the configuration.
+    """
+
+    def __init__(self, operators: Operators, asked: Mapping[str, Any]) -> None:
+        self.operators, self.asked = operators, dict(asked)
+        scene = operators.nominal
+        self.times = scene.error_times
+        time = asked.get("time", scene.duration)
+        self.output = int(np.argmin(np.abs(self.times - time)))
+        if "place" in asked:
+            self.particles, self.weights = _sensor(scene, asked["place"], asked.get("width", 0))
+
+    @property
+    def is_curve(self) -> bool:
+        """Whether it has a value at each time."""
+        return self.asked["kind"] == "history"
+
+    @property
+    def variable(self) -> Variable:
+        """What its value means, of many queries."""
+        kind, dims = self.asked["kind"], ("query", "t") if self.is_curve else ("query",)
+        if kind in ("energy", "energy_loss"):
+            lost = "lost since the start" if kind == "energy_loss" else "on a unit of cross-section"
+            return Variable(dims, OF_ENERGY, f"energy {lost}, at t = {self.times[self.output]:g} s")
+        field, place = self.asked["field"], f"at x = {self.asked['place']:g} m"
+        if kind == "passage":
+            level = f"{self.asked['level']:g} {UNITS[field]}"
+            return Variable(dims, "s", f"first output at which the {field} {place} reaches {level}")
+        what = {
+            "history": f"{field} {place}",
+            "maximum": f"largest magnitude over time of the {field} {place}",
+            "value": f"{field} {place} at t = {self.times[self.output]:g} s",
+        }[kind]
+        return Variable(dims, UNITS[field], what)
+
+    def answer(self, answer: Answer, values: Values) -> Interval:
+        """Value and interval, of shape (times,) of a history and () of what else there is."""
+        kind = self.asked["kind"]
+        if kind in ("energy", "energy_loss"):
+            return self._energy(answer, kind == "energy_loss")
+        field, reach = self.sensed(answer, values)
+        margin = reach * answer.bound
+        if kind == "history":
+            return field, field - margin, field + margin
+        if kind == "value":
+            value, off = field[self.output], margin[self.output]
+            return value, value - off, value + off
+        size = np.abs(field)
+        if kind == "maximum":
+            return size.max(), max(0.0, (size - margin).max()), (size + margin).max()
+        found = (self._reached(each) for each in (size, size + margin, size - margin))
+        return tuple(found)  # type: ignore[return-value]
+
+    def sensed(self, answer: Answer, values: Values) -> tuple[np.ndarray, float]:
+        """The field at the sensor (times,), and how far a unit of energy norm moves it."""
+        operators, at, weights = self.operators, self.particles, self.weights
+        volumes, query = operators.volumes[at], answer.query
+        if self.asked["field"] == "velocity":
+            density = operators.density.some(values, at)
+            modes = operators.velocity_modes[: len(query.velocity_modes), at]
+            coordinates = answer.coordinates[0] @ query.velocity_modes
+            shape, squares = modes @ weights, weights**2 / (density * volumes)
+        else:
+            modulus = operators.modulus.some(values, at)
+            modes = operators.stress_modes[: len(query.stress_modes), at]
+            coordinates = answer.coordinates[1] @ query.stress_modes
+            each = weights if self.asked["field"] == "stress" else weights / modulus
+            shape, squares = modes @ each, each**2 * modulus / volumes
+        return coordinates @ shape, float(np.sqrt(squares.sum()))
+
+    def _energy(self, answer, lost):
+        norm, bound = answer.norms[self.output], answer.bound[self.output]
+        energy, off = norm**2 / 2, bound * (norm + bound / 2)
+        low, high = max(0.0, energy - off), energy + off
+        if not lost:
+            return energy, low, high
+        begun = answer.start_norm**2 / 2
+        return begun - energy, begun - high, begun - low
+
+    def _reached(self, size):
+        above = np.flatnonzero(size >= self.asked["level"])
+        return np.array(self.times[above[0]] if above.size else np.nan)
+
+    def of_fields(self, scene: Any, fields: Mapping[str, np.ndarray], energy: np.ndarray) -> Any:
+        """The same of a full solution: velocity and strain (times, N), and energy (times,)."""
+        kind = self.asked["kind"]
+        if kind in ("energy", "energy_loss"):
+            now = energy[self.output]
+            return energy[0] - now if kind == "energy_loss" else now
+        strain = fields["strain"]
+        field = {"velocity": fields["velocity"], "strain": strain}.get(self.asked["field"])
+        field = scene.modulus() * strain if field is None else field
+        sensed = field[:, self.particles] @ self.weights
+        if kind == "history":
+            return sensed
+        if kind == "value":
+            return sensed[self.output]
+        return np.abs(sensed).max() if kind == "maximum" else self._reached(np.abs(sensed))
+
+
+def _sensor(scene, place, width):
+    """Particles that a sensor covers, at least the nearest, and their parts of its mean."""
+    length, positions = scene.domain_length, scene.positions
+    away = np.abs((positions - place + length / 2) % length - length / 2)
+    covered = np.flatnonzero(away <= width / 2 * (1 + 1e-12))
+    if covered.size < 2:
+        return np.array([int(np.argmin(away))]), np.ones(1)
+    weights = scene.volumes[covered]
+    return covered, weights / weights.sum()
+
+
+def questions(operators: Operators, asked: Mapping[str, Any]) -> dict[str, Question]:
+    """All quantities of a survey, by name."""
+    return {name: Question(operators, each) for name, each in asked.items()}

@@ -1,0 +1,74 @@
+"""How much of a quantity's variance each parameter makes: first and total Sobol indices."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sphpod.pipeline.dataset import Variable
+from sphpod.surveys import samples
+from sphpod.surveys.answers import answer_all, of_settings
+
+SEED = 7
+"""Of the draw of samples and of the bootstrap."""
+
+CONFIDENCE = 0.95
+
+_DIMS = ("quantity_index", "parameter_index")
+VARIABLES = {
+    "quantity": Variable(("quantity_index",), "", "quantity whose variance is shared out", str),
+    "parameter": Variable(("parameter_index",), "", "parameter", str),
+} | {
+    f"{kind}_index{end}": Variable(_DIMS, "1", f"{words}{kind} Sobol index")
+    for kind in ("first", "total")
+    for end, words in (
+        ("", ""),
+        ("_low", "least of the 95 % interval of the "),
+        ("_high", "largest of the 95 % interval of the "),
+    )
+}
+
+
+def share_out(
+    name: str,
+    settings: Mapping[str, Any],
+    survey: Mapping[str, Any],
+    model: Mapping[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Sobol indices of all quantities that are numbers, with bootstrapped intervals.
+
+    Parameters are taken as evenly distributed over their ranges, or their logarithms over those.
+
+    Returns
+    -------
+    dict
+        quantity, parameter, and first_index, total_index with _low and _high, (quantities,
+        parameters); NaN where a query fails or a quantity does not vary.
+    """
+    from scipy.stats import sobol_indices, uniform
+
+    reduced, asked = of_settings(name, settings, survey, model)
+    ranges = settings["parameters"]
+    scalars = [word for word, question in asked.items() if not question.is_curve]
+    kept = {word: asked[word] for word in scalars}
+
+    def respond(unit):
+        points = samples.spread(ranges, unit.reshape(len(ranges), -1).T)
+        found = answer_all(reduced, kept, points, survey["tolerance"])
+        return np.array([found[word] for word in scalars])
+
+    found = sobol_indices(
+        func=respond, n=survey["sobol_samples"], dists=[uniform()] * len(ranges), rng=SEED
+    )
+    spread = found.bootstrap(confidence_level=CONFIDENCE)
+    shape = len(scalars), len(ranges)
+    arrays: dict[str, np.ndarray] = {
+        "quantity": np.array(scalars, object),
+        "parameter": np.array(list(ranges), object),
+    }
+    for kind in ("first", "total"):
+        interval = getattr(spread, f"{kind}_order").confidence_interval
+        values = getattr(found, f"{kind}_order"), interval.low, interval.high
+        for end, value in zip(("", "_low", "_high"), values, strict=True):
+            arrays[f"{kind}_index{end}"] = np.asarray(value, float).reshape(shape)
+    return arrays

@@ -1,0 +1,52 @@
+"""What a survey found, as rows of tables."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+
+Arrays = Mapping[str, np.ndarray]
+Rows = dict[str, Any]
+
+
+def answers(found: Arrays) -> Rows:
+    """One row a query, of all that are numbers: histories are in the NetCDF file alone."""
+    return {name: values for name, values in found.items() if name != "t" and values.ndim == 1}
+
+
+def quantiles(found: Arrays) -> Rows:
+    """One row a quantity: quantiles over the queries that have an answer, and how many have."""
+    names = scalars(found)
+    rows: dict[str, list[Any]] = {"quantity": names, "queries": [], "answered": []}
+    rows |= {f"{100 * share:g} %": [] for share in QUANTILES}
+    for name in names:
+        known = found[name][np.isfinite(found[name])]
+        rows["queries"].append(found[name].size)
+        rows["answered"].append(known.size)
+        for share in QUANTILES:
+            value = np.quantile(known, share) if known.size else np.nan
+            rows[f"{100 * share:g} %"].append(value)
+    return rows
+
+
+def scalars(found: Arrays) -> list[str]:
+    """Quantities that are numbers, which have intervals; and the bound of the error."""
+    names = [name for name in found if f"{name}_low" in found and found[name].ndim == 1]
+    return [*names, "relative_bound"]
+
+
+def indices(found: Arrays) -> Rows:
+    """One row for each parameter of each quantity."""
+    shape = count, parameters = found["first_index"].shape
+    rows: Rows = {
+        "quantity": np.repeat(found["quantity"], parameters),
+        "parameter": np.tile(found["parameter"], count),
+    }
+    return rows | {name: values.ravel() for name, values in found.items() if values.shape == shape}
+
+
+def validation(found: Arrays) -> Rows:
+    """One row a query that was solved in full."""
+    return dict(found)

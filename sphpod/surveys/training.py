@@ -1,0 +1,155 @@
+"""Full runs of a survey's scene, and the modes that its queries share."""
+
+import logging
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from sphpod.full import lifted
+from sphpod.pipeline.dataset import Variable
+from sphpod.reduced import shared_modes
+from sphpod.surveys import samples
+from sphpod.surveys.parts import Operators
+from sphpod.surveys.query import Survey
+
+logger = logging.getLogger(__name__)
+
+MOST_MODES = 80
+"""Velocity modes that are kept, of which those of the queries are the first."""
+
+RICHER = 2
+"""How many times the modes of the queries serve the estimate of their errors."""
+
+CANDIDATES = 64
+"""Points of which greedy training takes the next run."""
+
+RUN_VARIABLES = {
+    "point": Variable(("parameter",), "", "values of the parameters, in SI units"),
+    "strain": Variable(("t", "x"), "1", "strain of the particles"),
+}
+
+MODEL_VARIABLES = {
+    "velocity_modes": Variable(
+        ("velocity_mode", "x"), "1", "velocity modes, orthonormal by volume"
+    ),
+    "stress_modes": Variable(("stress_mode", "x"), "1", "stress modes, orthonormal by volume"),
+    "mode_count": Variable((), "1", "velocity modes of the queries", np.int32),
+    "training_points": Variable(
+        ("run", "parameter"), "", "values of the parameters of the training runs, in SI units"
+    ),
+}
+
+
+def training_points(survey: Mapping[str, Any], ranges: samples.Ranges) -> np.ndarray:
+    """Values of the parameters of the training runs, (runs, parameters)."""
+    return samples.points(ranges, survey["training"])
+
+
+def _run_at(name, settings, point):
+    scene = samples.scene_at(name, settings, _values(settings, point))
+    return lifted.solve(scene, "exact") | {"point": point}
+
+
+def run(
+    name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], number: int
+) -> dict[str, np.ndarray]:
+    """One training run: the lifted full model, exact in time, at one point of the parameters.
+
+    Returns
+    -------
+    dict
+        t, x, velocity and strain (times, N), and point (parameters,).
+    """
+    return _run_at(name, settings, training_points(survey, settings["parameters"])[number])
+
+
+def _values(settings, point):
+    return dict(zip(settings["parameters"], map(float, point), strict=True))
+
+
+def train(
+    name: str,
+    settings: Mapping[str, Any],
+    survey: Mapping[str, Any],
+    runs: Sequence[Mapping[str, np.ndarray]],
+) -> dict[str, np.ndarray]:
+    """The modes of all training runs together, and how many of them queries have.
+
+    Returns
+    -------
+    dict
+        velocity_modes, stress_modes (modes, N), translation, mode_count, training_points.
+    """
+    scenes = [samples.scene_at(name, settings, _values(settings, run["point"])) for run in runs]
+    shared = shared_modes.train(zip(scenes, runs, strict=True))
+    rigid = int(shared["translation"])
+    most = min(len(shared["velocity_modes"]), len(shared["stress_modes"]) + rigid)
+    points = np.array([run["point"] for run in runs])
+    if "mode_count" in survey:
+        count = min(int(survey["mode_count"]), most)
+        if count < survey["mode_count"]:
+            logger.warning(
+                "%d modes asked for, the training runs hold %d", survey["mode_count"], most
+            )
+    else:
+        count = _fewest(name, settings, survey["tolerance"], _first(shared, MOST_MODES), points)
+    kept = min(most, RICHER * count, max(MOST_MODES, count))
+    return _first(shared, kept) | {"mode_count": np.array(count), "training_points": points}
+
+
+def train_greedily(
+    name: str, settings: Mapping[str, Any], survey: Mapping[str, Any]
+) -> dict[str, np.ndarray]:
+    """The same of runs that follow from one another: each where the bound is largest so far.
+
+    The first is at the nominal values. It ends when the bound is within the tolerance at all
+    candidates, a Sobol set of the ranges, or after ``training.count`` runs.
+    """
+    ranges, keys = settings["parameters"], survey["training"]
+    drawn = {"count": CANDIDATES, "seed": keys["seed"]}
+    candidates = samples.points(ranges, drawn)
+    runs, point = [], np.array([float(given["nominal"]) for given in ranges.values()])
+    while True:
+        runs.append(_run_at(name, settings, point))
+        found = train(name, settings, survey, runs)
+        if len(runs) == keys["count"] or not len(candidates):
+            return found
+        reduced = Survey(Operators(name, settings, found), int(found["mode_count"]), np.inf)
+        answers = (reduced.answer(_values(settings, each)) for each in candidates)
+        bounds = np.array([answer.relative_bound for answer in answers])
+        worst = int(bounds.argmax())
+        logger.info("%d training runs: bounds up to %.3g", len(runs), bounds[worst])
+        if bounds[worst] <= survey["tolerance"]:
+            return found
+        point, candidates = candidates[worst], np.delete(candidates, worst, axis=0)
+
+
+def _first(shared, count):
+    rigid = int(shared["translation"])
+    return {
+        "velocity_modes": shared["velocity_modes"][:count],
+        "stress_modes": shared["stress_modes"][: count - rigid],
+        "translation": shared["translation"],
+    }
+
+
+def _fewest(name, settings, tolerance, shared, points):
+    """Modes from which the bound is within the tolerance at all training runs, by bisection."""
+    operators = Operators(name, settings, shared)
+    low, high = int(shared["translation"]), len(shared["velocity_modes"])
+
+    def suffices(count):
+        survey = Survey(operators, count, np.inf)
+        answers = (survey.answer(_values(settings, point)) for point in points)
+        return all(answer.relative_bound <= tolerance for answer in answers)
+
+    if not suffices(high):
+        logger.warning(
+            "%d modes do not meet the tolerance %g at the training runs", high, tolerance
+        )
+        return high
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if suffices(middle) else (middle, high)
+    return high

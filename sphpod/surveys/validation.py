@@ -1,0 +1,105 @@
+"""Some queries of a survey solved in full: the true error beside its estimate and its bound."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sphpod.full import lifted
+from sphpod.pipeline.dataset import Variable
+from sphpod.surveys import samples
+from sphpod.surveys.answers import of_settings
+
+SEED = 20
+"""Of the draw of queries."""
+
+VARIABLES = {
+    "true_error": Variable(
+        ("query",), "1", "largest energy norm of the error over time, of the largest norm"
+    ),
+    "effectivity": Variable(("query",), "1", "bound by true error"),
+    "inside": Variable(
+        ("query",), "1", "1 where all quantities of the full run lie in their intervals", np.int8
+    ),
+}
+
+
+def validate(
+    name: str,
+    settings: Mapping[str, Any],
+    survey: Mapping[str, Any],
+    model: Mapping[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """True error, estimate and bound of random queries of the ranges.
+
+    The error is that of the difference to the lifted full model at the same parameters, exact in
+    time, over the largest energy norm of that; errors of the discretisation are not in it.
+
+    Returns
+    -------
+    dict
+        Parameters, true_error, relative_estimate, relative_bound, effectivity and inside, all
+        (queries,).
+    """
+    reduced, asked = of_settings(name, settings, survey, model)
+    ranges = settings["parameters"]
+    drawn = {"count": survey["validation"], "sampling": "uniform", "seed": SEED}
+    points = samples.points(ranges, drawn)
+    rows = []
+    for point in points:
+        values = dict(zip(ranges, map(float, point), strict=True))
+        answer = reduced.answer(values)
+        scene = samples.scene_at(name, settings, values)
+        full = lifted.solve(scene, "exact")
+        mass, stiffness = lifted.energy_weights(scene)
+        norms = _norms(mass * full["velocity"], stiffness * full["strain"])
+        velocity, stress = _fields(reduced.operators, answer)
+        wrong = _norms(
+            mass * (full["velocity"] - velocity),
+            stiffness * (full["strain"] - stress / scene.modulus()),
+        )
+        true = wrong.max() / norms.max() if norms.max() else 0.0
+        held = all(
+            _holds(question, question.answer(answer, values), scene, full, norms)
+            for question in asked.values()
+        )
+        rows.append((true, answer.estimate, answer.relative_bound, held))
+    errors, estimate, bound, inside = np.array(rows, float).reshape(-1, 4).T
+    with np.errstate(divide="ignore", invalid="ignore"):
+        effectivity = bound / errors
+    return {
+        **{parameter: points[:, n] for n, parameter in enumerate(ranges)},
+        "true_error": errors,
+        "relative_estimate": estimate,
+        "relative_bound": bound,
+        "effectivity": effectivity,
+        "inside": inside.astype(np.int8),
+    }
+
+
+def _fields(operators, answer):
+    """Velocity and stress of an answer at all particles, (times, N) each."""
+    query = answer.query
+    pairs = (
+        (answer.coordinates[0], query.velocity_modes, operators.velocity_modes),
+        (answer.coordinates[1], query.stress_modes, operators.stress_modes),
+    )
+    return [given @ inverse @ modes[: len(inverse)] for given, inverse, modes in pairs]
+
+
+def _norms(velocity, strain):
+    return np.sqrt(np.sum(velocity**2, axis=1) + np.sum(strain**2, axis=1))
+
+
+def _holds(question, interval, scene, full, norms):
+    """Whether the quantity of a full run lies in its interval but for rounding."""
+    true = question.of_fields(scene, full, norms**2 / 2)
+    _, low, high = interval
+    if question.asked["kind"] == "passage":
+        # What may never be reached may come at any time.
+        late = np.inf if np.isnan(high) else high
+        reached = np.inf if np.isnan(true) else true
+        early = np.inf if np.isnan(low) else low
+        return bool(early <= reached <= late)
+    slack = 1e-10 * np.max(np.abs(true))
+    return bool(np.all(low - slack <= true) and np.all(true <= high + slack))

@@ -1,0 +1,107 @@
+"""Surveys in the configuration: defaults, and one sentence for each fault."""
+
+import copy
+
+import pytest
+from survey_cases import SCENE, SURVEY, settings
+
+from sphpod.config.config import ConfigError, load
+from sphpod.scene.scene import Scene, physical_settings
+
+
+def refused(changed):
+    with pytest.raises(ConfigError) as caught:
+        load([], changed)
+    return str(caught.value)
+
+
+def with_parameter(name, **given):
+    parameters = copy.deepcopy(SCENE["parameters"])
+    parameters[name] = parameters.get(name, {}) | given
+    return settings({"parameters": parameters})
+
+
+def with_quantity(**given):
+    return settings(quantities={"one": given})
+
+
+def test_defaults_are_filled_in() -> None:
+    survey = load([], settings())["surveys"]["graded"]
+    assert survey["tolerance"] == 1e-2
+    assert survey["training"] == {"count": 8, "method": "sobol", "seed": 0}
+    assert survey["queries"] == {"count": 16, "sampling": "sobol", "seed": 0}
+    assert survey["quantities"]["sensor"]["field"] == "velocity"
+
+
+def test_a_configuration_without_surveys_has_none() -> None:
+    assert load([], {"scenes": settings()["scenes"]})["surveys"] == {}
+
+
+def test_a_scene_runs_at_the_nominal_values() -> None:
+    resolved = load([], settings())["scenes"]["bar"]
+    scene = Scene.from_settings("bar", resolved)
+    modulus = "0.1*(1 + 0.3*sin(2*pi*x/L))"
+    plain = {key: value for key, value in SCENE.items() if key != "parameters"}
+    other = Scene.from_settings("bar", plain | {"youngs_modulus": modulus, "damping": 0.5})
+    assert (scene.modulus() == other.modulus()).all()
+    assert (scene.damping_values() == 0.5).all()
+
+
+def test_what_a_scene_depends_on_holds_no_ranges() -> None:
+    physics = physical_settings(load([], settings())["scenes"]["bar"])
+    assert physics["parameters"] == {"stiffness": 0.1, "contrast": 0.3, "decay": 0.5}
+    Scene.from_settings("bar", physics)
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (with_parameter("t", nominal=1, range=[0, 2]), "parameters.name = t: allowed are letters"),
+        (with_parameter("lambda", nominal=1, range=[0, 2]), "but no word of Python"),
+        (with_parameter("extra", nominal=1, range=[0, 2]), "no expression of the scene holds it"),
+        (with_parameter("contrast", range=[0, 1.5]), "must be positive everywhere"),
+        (with_parameter("contrast", range=[0.6, 0]), "it must rise"),
+        (with_parameter("stiffness", range=[0, 0.2]), "positive where the scale is logarithmic"),
+        (with_parameter("decay", nominal=3), "it must lie in the range 0 to 1"),
+        (settings({"damping": "decai"}), "the name 'decai' is not known"),
+        (settings({"damping": "decay*t"}), "the name 't' is not known"),
+        (settings({"youngs_modulus": "0.1*(1 + t)"}), "the name 't' is not known"),
+        (settings(scen=1), "unknown key, did you mean scene?"),
+        (settings(scene="foo"), "there is no such scene; allowed are bar"),
+        (settings(queries={"grid": {"foo": 2}}), "no such parameter; allowed are stiffness"),
+        (settings(queries={"from": "no.csv"}), "it cannot be read as a table"),
+        (settings(chunk_size=0), "it must be at least 1"),
+        (settings(mode_count=31), "at most the 30 particles"),
+        (settings(output_interval=0.003), "a whole number of time steps"),
+        (settings(quantities={"t": {"kind": "energy"}}), "this name is taken in the results"),
+        (settings(quantities={"decay": {"kind": "energy"}}), "this name is taken in the results"),
+        (with_quantity(kind="energi"), "allowed are history, value"),
+        (with_quantity(kind="energy", place=1), "a quantity of kind energy has no such key"),
+        (with_quantity(kind="passage", place=0), "a quantity of kind passage needs it"),
+        (with_quantity(kind="value", place=0, field="density"), "velocity, strain, stress"),
+        (with_quantity(kind="value", place=1), "it must be at least 0 and below L = 1"),
+        (with_quantity(kind="value", place=0, time=0.005), "a whole number of output intervals"),
+    ],
+)
+def test_a_fault_is_one_sentence(changed, told) -> None:
+    sentence = refused(changed)
+    assert told in sentence
+    assert "\n" not in sentence
+
+
+def test_a_scene_without_parameters_has_no_surveys() -> None:
+    other = {key: value for key, value in SCENE.items() if key != "parameters"}
+    plain = {"other": other | {"youngs_modulus": 1e-1, "damping": 0}}
+    changed = {
+        "scenes": settings()["scenes"] | plain,
+        "surveys": {"s": SURVEY | {"scene": "other"}},
+    }
+    assert "it has no parameters; those that have are bar" in refused(changed)
+
+
+def test_a_table_of_ones_own_needs_a_column_for_each_parameter(tmp_path) -> None:
+    path = tmp_path / "mine.csv"
+    path.write_text("stiffness,contrast\n0.1,0.2\n")
+    assert "it has no column decay" in refused(settings(queries={"from": str(path)}))
+    path.write_text("decay,stiffness,contrast\n0.5,0.1,0.2\n")
+    load([], settings(queries={"from": str(path)}))

@@ -1,0 +1,163 @@
+"""Queries: certified, stable for any parameters, and the full model where the modes are all."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from survey_cases import SCENE
+
+from sphpod.config.config import load
+from sphpod.full import lifted
+from sphpod.reduced import lifted_rom, shared_modes
+from sphpod.surveys import samples
+from sphpod.surveys.parts import Operators
+from sphpod.surveys.query import Survey
+
+FORCE = {"time": "1e-3*cos(20*t)", "profile": "1 + x"}
+CASES: dict[str, dict[str, Any]] = {
+    "uniform_damping": {},
+    "all_affine": {"youngs_modulus": "stiffness*(1 + 0.3*sin(2*pi*x/L))", "initial_velocity": (
+        "1e-3*(sin(2*pi*x/L) + contrast*cos(4*pi*x/L))"
+    )},
+    "uneven_damping": {"damping": "decay*(1 + 0.5*sin(2*pi*x/L))"},
+    "forced": {"force": FORCE},
+    "density": {"initial_density": "1 + contrast*x*(L - x)", "youngs_modulus": "stiffness"},
+    "inclusion": {"youngs_modulus": "stiffness*(1 - 0.5*exp(-((x - L/2 - contrast/4)/0.1)**2))"},
+}  # fmt: skip
+
+
+def made(case, count=8, training=4):
+    """Settings of a scene, and its survey."""
+    scene = {**SCENE, **CASES[case], "particle_count": 24}
+    resolved = load([], {"scenes": {"bar": scene}})["scenes"]["bar"]
+    points = samples.points(resolved["parameters"], {"count": training})
+    cases = [samples.scene_at("bar", resolved, point_of(resolved, one)) for one in points]
+    shared = shared_modes.train((case, lifted.solve(case, "exact")) for case in cases)
+    return resolved, Survey(Operators("bar", resolved, shared), count)
+
+
+def point_of(resolved, values):
+    return dict(zip(resolved["parameters"], map(float, values), strict=True))
+
+
+def scaled(survey, answer, scene):
+    """Scaled fields of an answer and of the full model, one behind the other."""
+    mass, stiffness = lifted.energy_weights(scene)
+    fields = []
+    for coordinates, inverse, modes in (
+        (answer.coordinates[0], answer.query.velocity_modes, survey.operators.velocity_modes),
+        (answer.coordinates[1], answer.query.stress_modes, survey.operators.stress_modes),
+    ):
+        fields.append(coordinates @ inverse @ modes[: len(inverse)])
+    full = lifted.solve(scene, "exact")
+    ours = np.concatenate([mass * fields[0], stiffness / scene.modulus() * fields[1]], axis=1)
+    return ours, np.concatenate([mass * full["velocity"], stiffness * full["strain"]], axis=1)
+
+
+@pytest.fixture(scope="module")
+def surveys():
+    return {case: made(case) for case in CASES}
+
+
+@settings(max_examples=500)
+@given(
+    case=st.sampled_from(sorted(CASES)),
+    shares=st.tuples(*[st.floats(0, 1)] * 3),
+    count=st.integers(1, 10),
+)
+def test_the_bound_holds_and_energy_does_not_grow(surveys, case, shares, count) -> None:
+    resolved, survey = surveys[case]
+    survey = Survey(survey.operators, max(count, 1 + survey.operators.rigid))
+    point = point_of(resolved, samples.spread(resolved["parameters"], np.array([shares]))[0])
+    answer = survey.answer(point)
+    scene = samples.scene_at("bar", resolved, point)
+    ours, full = scaled(survey, answer, scene)
+    size = np.linalg.norm(full, axis=1).max()
+    error = np.linalg.norm(ours - full, axis=1)
+    assert np.all(error <= answer.bound + 1e-11 * size)
+    assert error.max() <= answer.relative_bound * size * (1 + 1e-9) + 1e-11 * size
+    if scene.force_time is None:
+        energy = answer.norms**2
+        assert np.all(np.diff(energy) <= 1e-12 * energy.max())
+    np.testing.assert_allclose(answer.norms, np.linalg.norm(ours, axis=1), rtol=1e-9)
+
+
+@pytest.mark.parametrize("case", sorted(CASES))
+def test_modes_of_all_particles_give_the_full_model(surveys, case) -> None:
+    resolved, survey = surveys[case]
+    rigid = survey.operators.rigid
+    eye = np.eye(24)
+    shared = {"velocity_modes": eye, "stress_modes": eye, "translation": 0}
+    if rigid:
+        rest = np.linalg.svd(np.ones((1, 24)))[2][1:]
+        shared = {
+            "velocity_modes": np.concatenate([np.ones((1, 24)), rest]),
+            "stress_modes": rest,
+            "translation": 1,
+        }
+    whole = Survey(Operators("bar", resolved, shared), 24)
+    point = {"stiffness": 0.07, "contrast": 0.21, "decay": 0.9}
+    ours, full = scaled(whole, whole.answer(point), samples.scene_at("bar", resolved, point))
+    if rigid:
+        # What stress the bar keeps all over strains nothing, and no mode of a wave has it.
+        assert np.abs(ours - full).max() <= 1e-3 * np.abs(full).max()
+    else:
+        assert np.abs(ours - full).max() <= 1e-9 * np.abs(full).max()
+
+
+def test_a_query_at_nominal_values_is_the_lifted_model_of_its_own_modes() -> None:
+    resolved = load([], {"scenes": {"bar": SCENE}})["scenes"]["bar"]
+    scene = samples.scene_at("bar", resolved, {"stiffness": 0.1, "contrast": 0.3, "decay": 0.5})
+    fields = lifted.solve(scene, "exact")
+    snapshots = {f"{name}_snapshots": fields[name] for name in ("velocity", "strain")}
+    modes = lifted_rom.decompose(scene, snapshots)
+    mass, stiffness = lifted.energy_weights(scene)
+    shared = {
+        "velocity_modes": modes["scaled_velocity_modes"] / mass,
+        "stress_modes": scene.modulus() * modes["scaled_strain_modes"] / stiffness,
+        "translation": modes["translation"],
+    }
+    answer = Survey(Operators("bar", resolved, shared), 6).answer(
+        {"stiffness": 0.1, "contrast": 0.3, "decay": 0.5}
+    )
+    own = lifted_rom.build(scene, modes, 6).prepare("lifted_exact")
+    velocity, strain = own.model.coordinates(own.solve())
+    size = answer.norms.max()
+    np.testing.assert_allclose(answer.coordinates[0], velocity, atol=1e-9 * size)
+    np.testing.assert_allclose(answer.coordinates[1], strain, atol=1e-9 * size)
+
+
+def test_momentum_is_exact_for_any_parameters(surveys) -> None:
+    resolved, survey = surveys["forced"]
+    point = {"stiffness": 0.19, "contrast": 0.6, "decay": 0.0}
+    scene = samples.scene_at("bar", resolved, point)
+    ours, full = scaled(
+        Survey(survey.operators, 3), Survey(survey.operators, 3).answer(point), scene
+    )
+    mass, _ = lifted.energy_weights(scene)
+    momenta = [fields[:, : mass.size] @ mass for fields in (ours, full)]
+    np.testing.assert_allclose(momenta[0], momenta[1], atol=1e-10 * np.abs(momenta[1]).max())
+
+
+def test_dependent_modes_are_refused(surveys) -> None:
+    resolved, survey = surveys["uniform_damping"]
+    operators = survey.operators
+    shared = {
+        "velocity_modes": np.repeat(operators.velocity_modes[:1], 2, axis=0),
+        "stress_modes": operators.stress_modes[:2],
+        "translation": 0,
+    }
+    twice = Survey(Operators("bar", resolved, shared), 2)
+    with pytest.raises(ValueError, match="linearly dependent"):
+        twice.answer({"stiffness": 0.1, "contrast": 0.2, "decay": 0.3})
+
+
+def test_a_modulus_that_is_not_positive_is_refused(surveys) -> None:
+    _, survey = surveys["uniform_damping"]
+    with pytest.raises(ValueError, match="must be positive everywhere"):
+        survey.answer({"stiffness": 0.1, "contrast": 1.2, "decay": 0.3})
+    _, survey = surveys["all_affine"]
+    with pytest.raises(ValueError, match="must be positive everywhere"):
+        survey.answer({"stiffness": -0.1, "contrast": 0.2, "decay": 0.3})

@@ -1,0 +1,109 @@
+"""The surveys of config/small.yaml: complete, resumed, and the same bytes for any chunk size."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import sphpod
+from sphpod.pipeline import dataset
+
+ROOT = Path(__file__).parents[2]
+pytestmark = pytest.mark.workflow
+
+SOURCES = ("Snakefile", "config", "profiles", "sphpod", "workflow")
+SNAKEMAKE = sys.executable, "-m", "snakemake", "--cores", "1", "--configfile", "config/small.yaml"
+FOLDER = Path("small/results/surveys/graded_bar")
+
+
+def snakemake(folder, *arguments):
+    return subprocess.run(
+        [*SNAKEMAKE, *arguments],
+        cwd=folder,
+        env=os.environ | {"PYTHONPATH": str(folder)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture(scope="module")
+def surveyed(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("surveyed")
+    for name in SOURCES:
+        source = ROOT / name
+        (shutil.copytree if source.is_dir() else shutil.copy2)(source, folder / name)
+    run = snakemake(folder, "--", "surveys")
+    assert run.returncode == 0, run.stderr
+    return folder
+
+
+def test_a_survey_gives_answers_tables_and_figures(surveyed) -> None:
+    names = {path.name for path in (surveyed / FOLDER).iterdir()}
+    tables = {f"{name}.csv" for name in ("answers", "quantiles", "indices", "validation")}
+    drawn = {f"{name}.png" for name in ("responses", "histograms", "indices", "errors")}
+    assert tables | drawn <= names
+    answers = dataset.read(surveyed / FOLDER / "answers.nc")
+    assert answers["sensor"].shape == (12, 21)
+    assert not answers["reason"].astype(bool).any()
+
+
+def test_nothing_of_a_survey_is_done_twice(surveyed) -> None:
+    assert "Nothing to be done" in snakemake(surveyed, "--", "surveys").stderr
+
+
+def test_no_other_target_builds_a_survey(surveyed) -> None:
+    planned = snakemake(surveyed, "--dry-run", "--", "all", "stability").stdout
+    assert "survey_" not in planned
+
+
+def test_the_bound_holds_where_queries_are_solved_in_full(surveyed) -> None:
+    found = dataset.read(surveyed / FOLDER / "validation.nc")
+    assert (found["effectivity"] >= 1).all()
+    assert found["inside"].all()
+
+
+def test_a_lost_chunk_is_made_anew_alone_and_bytes_depend_on_no_chunk_size(surveyed) -> None:
+    chunks, whole = surveyed / FOLDER / "queries", surveyed / FOLDER / "answers.nc"
+    before = {path: path.read_bytes() for path in (*chunks.iterdir(), whole)}
+    values = dataset.read(whole)
+    for lost in (chunks / "1.nc", whole, surveyed / FOLDER / "answers.csv"):
+        lost.unlink()
+    run = snakemake(surveyed, "--", str(FOLDER / "answers.csv"))
+    assert "chunk 1" in run.stderr
+    assert "chunk 0" not in run.stderr
+    assert {path: path.read_bytes() for path in before} == before
+    values = dataset.read(whole)
+    run = snakemake(
+        surveyed,
+        "--config",
+        "surveys={graded_bar: {chunk_size: 5}}",
+        "--",
+        str(FOLDER / "answers.csv"),
+    )
+    assert run.returncode == 0, run.stderr
+    assert len(list(chunks.iterdir())) >= 3
+    for name, array in dataset.read(whole).items():
+        assert array.tobytes() == values[name].tobytes() or array.dtype.kind in "OUT", name
+
+
+def test_a_trained_survey_is_loaded_and_asked(surveyed) -> None:
+    survey = sphpod.load_survey(surveyed / FOLDER / "model.nc")
+    one = survey(stiffness=0.12, decay=0.3)
+    assert one["sensor"].dims == ("t",)
+    many = survey(stiffness=np.array([0.08, 0.12]), decay=0.3)
+    assert many["peak"].values[1] == one["peak"].values
+    path = surveyed / "changed.nc"
+    path.write_bytes((surveyed / FOLDER / "model.nc").read_bytes()[:-40] + b"0" * 40)
+    with pytest.raises(ValueError, match="is not what its rule wrote"):
+        sphpod.load_survey(path)
+
+
+def test_an_unknown_survey_is_refused(surveyed) -> None:
+    run = snakemake(surveyed, "--", "small/results/surveys/grade_bar/answers.csv")
+    assert run.returncode != 0
+    assert "did you mean graded_bar?" in run.stderr
