@@ -27,7 +27,7 @@ ANSWERED_BY = *TRAINED_BY, "mode_count", "tolerance", "quantities"
 
 
 def of_survey(compute, keys, **arguments):
-    """Parameters of a rule of a survey: its function, what that is given, and the code's digest."""
+    """What is passed to the script of a survey, its function and what that is given, and a digest."""
     return {
         "compute": compute,
         "code": lambda wildcards: provenance.digest(f"surveys.jobs.{compute}"),
