@@ -17,6 +17,7 @@ include: "workflow/rules/common.smk"
 include: "workflow/rules/solve.smk"
 include: "workflow/rules/reduce.smk"
 include: "workflow/rules/studies.smk"
+include: "workflow/rules/survey_paths.smk"
 include: "workflow/rules/surveys.smk"
 include: "workflow/rules/report.smk"
 

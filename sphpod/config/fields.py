@@ -93,7 +93,7 @@ NAMES = {
     ),
     rf"^{_CALM}(?!(logs|figures|surveys)$)[a-z][a-z0-9_]{{0,59}}$(?!\n)": (
         f"lower-case letters, digits and underscores, a letter first, {_LENGTHS}, "
-        "but not logs, figures or surveys, which are folders of other things"
+        "but not logs, figures or surveys, which are folders of their own"
     ),
     rf"^{_CALM}[A-Za-z0-9][A-Za-z0-9_.-]{{0,199}}$(?!\n)": (
         "letters, digits, dots, hyphens and underscores (the name of a file), up to 200 of them, "

@@ -212,11 +212,11 @@ def test_times_touched_by_rounding_lie_within_the_duration(load):
     assert "velocity_times = 0.3001: it must lie within" in message
 
 
-@pytest.mark.parametrize("name", ["logs", "figures"])
+@pytest.mark.parametrize("name", ["logs", "figures", "surveys"])
 def test_scenes_whose_results_would_lie_among_the_logs_are_refused(load, name):
     message = refusal(load, {"scenes": {name: WAVE}})
     assert message.startswith(f"scenes.name = {name}: allowed are lower-case letters")
-    assert "but not logs or figures" in message
+    assert "but not logs, figures or surveys" in message
 
 
 def test_overrides_win_over_files(tmp_path):

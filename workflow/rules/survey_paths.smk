@@ -1,0 +1,116 @@
+"""What surveys there are, what they read, and what their rules pass to scripts."""
+
+SURVEY = "<results>/surveys/{survey}"
+
+
+def survey_scene(wildcards):
+    """Name of the scene of a survey, once it is known that there is what a target names."""
+    known("survey", wildcards.survey, SURVEYS)
+    return SURVEYS[wildcards.survey]["scene"]
+
+
+def survey_physics(wildcards):
+    """Settings of the scene that a survey depends on: those of its motion, with all ranges."""
+    scene = SCENES[survey_scene(wildcards)]
+    return samples.survey_settings(scene, SURVEYS[wildcards.survey])
+
+
+def survey_keys(*names):
+    """Those settings of a survey, of which its results depend on these alone."""
+    return lambda wildcards: {
+        name: SURVEYS[wildcards.survey][name] for name in names if name in SURVEYS[wildcards.survey]
+    }
+
+
+TRAINED_BY = "training", "output_interval"
+ANSWERED_BY = *TRAINED_BY, "mode_count", "tolerance", "quantities"
+
+
+def of_survey(compute, keys, **arguments):
+    """What is passed to the script of a survey, its function and what that is given, and a digest."""
+    return {
+        "compute": compute,
+        "code": lambda wildcards: provenance.digest(f"surveys.jobs.{compute}"),
+        "scene": survey_scene,
+        "physics": survey_physics,
+        "survey": survey_keys(*keys),
+        "arguments": lambda wildcards: {
+            name: int(wildcards[wildcard]) for name, wildcard in arguments.items()
+        },
+    }
+
+
+def training_files(wildcards):
+    known("survey", wildcards.survey, SURVEYS)
+    training = SURVEYS[wildcards.survey]["training"]
+    # Greedy runs follow from one another, in the job of the modes.
+    count = training["count"] if training["method"] == "sobol" else 0
+    return [f"<results>/surveys/{wildcards.survey}/training/{n}.nc" for n in range(count)]
+
+
+def chunk_files(wildcards):
+    count = survey_jobs.chunk_count(survey_physics(wildcards), SURVEYS[wildcards.survey])
+    return [f"<results>/surveys/{wildcards.survey}/queries/{n}.nc" for n in range(count)]
+
+
+SURVEY_TABLES = {
+    "answers": "answers.nc",
+    "quantiles": "answers.nc",
+    "indices": "indices.nc",
+    "validation": "validation.nc",
+}
+SURVEY_FIGURES = {
+    "responses": "answers",
+    "histograms": "answers",
+    "indices": "indices",
+    "errors": "validation",
+}
+
+
+def drawn_of_survey(wildcards):
+    """What a figure of a survey shows."""
+    known("survey", wildcards.survey, SURVEYS)
+    shown = SURVEY_FIGURES[wildcards.drawing]
+    return {shown: f"<results>/surveys/{wildcards.survey}/{shown}.nc"}
+
+
+def survey_numbers(survey):
+    """Quantities of a survey that are numbers, each with its label."""
+    units = {"velocity": "m/s", "strain": "", "stress": "Pa"}
+    found = {}
+    for name, asked in SURVEYS[survey]["quantities"].items():
+        unit = "J/m²" if "energy" in asked["kind"] else units.get(asked.get("field"), "")
+        unit = "s" if asked["kind"] == "passage" else unit
+        if asked["kind"] != "history":
+            found[name] = f"{name} [{unit}]" if unit else name
+    return found
+
+
+def survey_options(wildcards):
+    """Arguments of the plotting function that are not inputs."""
+    survey = SURVEYS[wildcards.survey]
+    options = {
+        "parameters": SCENES[survey["scene"]]["parameters"],
+        "quantities": survey_numbers(wildcards.survey),
+        "tolerance": survey["tolerance"],
+    }
+    asked = {
+        "responses": ("parameters", "quantities"),
+        "histograms": ("quantities",),
+        "errors": ("tolerance",),
+    }
+    return {name: options[name] for name in asked.get(wildcards.drawing, ())}
+
+
+def survey_files(survey):
+    """All that a survey gives."""
+    drawn, tables = [], ["answers", "quantiles"]
+    if survey_numbers(survey):
+        drawn += ["responses", "histograms"]
+    if survey_numbers(survey) and SURVEYS[survey]["sobol_samples"]:
+        drawn, tables = [*drawn, "indices"], [*tables, "indices"]
+    if SURVEYS[survey]["validation"]:
+        drawn, tables = [*drawn, "errors"], [*tables, "validation"]
+    names = [f"{name}.csv" for name in tables]
+    names += [f"{name}.{form}" for name in drawn for form in ("pdf", "png")]
+    return [f"<results>/surveys/{survey}/{name}" for name in names]
