@@ -126,12 +126,12 @@ class Moved:
 
     Attributes
     ----------
-    parts : Products, Interpolated or Everywhere
+    parts : Separated
     move : callable
         Of places [m], those at which ``parts`` are taken, and the signs.
     """
 
-    parts: Products | Interpolated | Everywhere
+    parts: "Separated"
     move: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
     @property
