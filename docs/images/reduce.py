@@ -7,7 +7,7 @@ from PIL import Image
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
-WIDTH = 1200  # pixels: sharp at twice the width that a page shows
+WIDTH = 720  # pixels: a column of print, twice as large
 MOVING = "figures/ten_harmonics/uniform100/k12.gif"
 
 if __name__ == "__main__":

@@ -140,9 +140,9 @@ def resolved_stability(
             if sampling not in known[name]["samplings"]:
                 allowed = known_names("sampling", known[name]["samplings"])
                 raise refusal(None, f"{key}.{name}", sampling, allowed)
-            check_ends(name, known[name])
             if not steady[name]:
                 raise refusal(None, key, name, STEADY)
+            check_ends(name, known[name])
             taken = known[name]["samplings"][sampling]
             if study != "stability_map" and not is_of_run(taken):
                 raise refusal(None, f"{key}.{name}", sampling, WITHOUT_TIMES)

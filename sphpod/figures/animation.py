@@ -60,7 +60,7 @@ def write(
     )
     limit = 1.1 * np.abs(full).max() or 1.0
     with matplotlib.style.context(["default", STYLE]), whole(path) as partial:
-        figure = Figure(figsize=(7.2, 2.1), layout="constrained")
+        figure = Figure(figsize=(6.0, 1.9), layout="constrained")
         lines = []
         for axes, (name, _, colour) in zip(figure.subplots(1, 3, sharey=True), shown, strict=True):
             axes.set(xlim=(sph["x"][0], sph["x"][-1]), ylim=(-limit, limit), title=name)
@@ -78,4 +78,4 @@ def write(
             return [*lines, clock]
 
         motion = FuncAnimation(figure, draw, frames=FRAMES)  # type: ignore[arg-type]
-        motion.save(os.fspath(partial), writer=PillowWriter(fps=RATE), dpi=100)
+        motion.save(os.fspath(partial), writer=PillowWriter(fps=RATE), dpi=120)

@@ -20,6 +20,7 @@ from sphpod.figures.plotting import (
     BLUE,
     BREAKDOWN_NOTE,
     BROWN,
+    COLUMN_WIDTH,
     DIM,
     FIELDS,
     GREEN,
@@ -27,10 +28,10 @@ from sphpod.figures.plotting import (
     NAMES,
     NAVY,
     ORANGE,
-    PAGE_WIDTH,
     PALE,
     PURPLE,
     SKY,
+    SMALL,
     VERMILLION,
     WORST_ERROR,
     Arrays,
@@ -122,7 +123,7 @@ class Label(NamedTuple):
 def work_precision(benchmark: Arrays) -> Figure:
     """Draw error against CPU time of all runs of a benchmark, and the fastest that match full SPH.
 
-    Above, velocity left and density right, a point stands at the median CPU time, its bar spans the
+    Above, velocity first and density next, a point stands at the median CPU time, its bar spans the
     quartiles. Lines join runs of one kind that differ in time step, tolerance or mode count; dotted
     ones lead to other particle counts. The wide line is the Pareto front: below it there is no run.
     Beside the large star, full SPH as the scene sets it, lies the line of its error.
@@ -152,18 +153,19 @@ def work_precision(benchmark: Arrays) -> Figure:
     for kind in kinds:
         title = "full models" if kind.name in FULL_RUNS else "reduced models"
         groups.setdefault(title, []).append(kind)
-    below = 0.8 + 0.14 * max(map(len, groups.values()))
-    figure = Figure(figsize=(PAGE_WIDTH, 2.7 + below), layout="constrained")
-    halves = figure.subfigures(2, 1, squeeze=False, height_ratios=(2.7, below))
+    rows = [0.5 + 0.13 * len(group) for group in groups.values()]
+    above, below = 4.4, 0.3 + sum(rows)
+    figure = Figure(figsize=(COLUMN_WIDTH, above + below), layout="constrained")
+    halves = figure.subfigures(2, 1, squeeze=False, height_ratios=(above, below))
     upper, lower = halves[:, 0]
-    panels = upper.subplots(1, 2)
+    panels = upper.subplots(2, 1)
     for axes, field, symbol in zip(panels, FIELDS, "vρ", strict=True):
         _draw_work_precision(axes, benchmark, kinds, benchmark[f"{field}_error_exact"])
         axes.set_ylabel(f"relative L² error of {field} {symbol}")
     lower.suptitle(
-        f"Fastest run with errors of v and ρ at most {AS_ACCURATE} times those of SPH", fontsize=8
+        f"fastest run with both errors at most {AS_ACCURATE} times those of SPH", fontsize=7
     )
-    rankings = lower.subplots(1, len(groups), squeeze=False)[0]
+    rankings = lower.subplots(len(groups), 1, squeeze=False, height_ratios=rows)[:, 0]
     for axes, (title, group) in zip(rankings, groups.items(), strict=True):
         _draw_fastest(axes, benchmark, group)
         axes.set_title(title, loc="left")
@@ -276,7 +278,13 @@ def _draw_fastest(axes: Axes, benchmark: Arrays, kinds: Sequence[Kind]) -> None:
     middle = np.sqrt(np.prod(axes.get_xlim()))
     key = axes.get_yaxis_transform() + ScaledTranslation(-7 / 72, 0, axes.figure.dpi_scale_trans)
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
-    text: Look = {"va": "center_baseline", "color": DIM, "fontsize": 7, "zorder": 2, "bbox": box}
+    text: Look = {
+        "va": "center_baseline",
+        "color": DIM,
+        "fontsize": SMALL,
+        "zorder": 2,
+        "bbox": box,
+    }
     for height, kind in enumerate(kinds):
         look = {**kind.look, "linestyle": ""}
         axes.plot(0, height, transform=key, clip_on=False, **look)
@@ -371,7 +379,7 @@ def _write_where_free(axes: Axes, labels: Sequence[Label], away: float = 4) -> N
     markers = np.concatenate([path for path, mark in zip(paths, marked, strict=True) if mark])
     taken: list[Bbox] = []
     for label in labels:
-        text = axes.text(0, 0, label.text, color=label.colour, fontsize=7, in_layout=False)
+        text = axes.text(0, 0, label.text, color=label.colour, fontsize=SMALL, in_layout=False)
         text.set(horizontalalignment="center", verticalalignment="center")
         size = np.array(text.get_window_extent().size)
         for point, direction in product(axes.transData.transform(label.points), DIRECTIONS):
@@ -456,7 +464,7 @@ def scaling(scaling: Arrays) -> Figure:
     memory = np.broadcast_to(scaling["memory_bytes"], seconds.shape)
     over_particles = ~reduced | (modes == usual["k"])
     over_modes = reduced & (counts == usual["N"])
-    figure = Figure(figsize=(PAGE_WIDTH, 2.7), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH, 6.8), layout="constrained")
     panels = []
     for name, values in (("time a step [s]", seconds), ("memory [B]", memory)):
         curves = _curves(kinds, over_particles, counts, values)
@@ -465,7 +473,7 @@ def scaling(scaling: Arrays) -> Figure:
     curves = [curve for curve in curves if len(set(curve.x)) > 1]
     guides = _mode_guides(curves, usual["N"])
     panels.append(("time a step [s]", "number of modes k", curves, guides))
-    every = figure.subplots(1, len(panels))
+    every = figure.subplots(len(panels), 1)
     for axes, (name, over, curves, guides) in zip(every, panels, strict=True):
         _draw_curves(axes, curves, guides)
         axes.set(xlabel=over, ylabel=name)
@@ -476,7 +484,7 @@ def scaling(scaling: Arrays) -> Figure:
         for axes in figure.axes
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
     }
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=3)
+    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2)
     figure.draw_without_rendering()
     for axes, (_, _, _, guides) in zip(every, panels, strict=True):
         _label_guides(axes, guides)

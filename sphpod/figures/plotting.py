@@ -37,9 +37,9 @@ Look = Mapping[str, Any]  # keyword arguments of Axes.plot
 STYLE = Path(__file__).with_name("style.mplstyle")
 styled = matplotlib.style.context(["default", STYLE])
 
-PAGE_WIDTH = 5.9  # inches: the text width of a one-column journal
-HALF_WIDTH = 3.3
-PANEL_POINTS = 165  # width of one of two panels beside each other, about
+COLUMN_WIDTH = 3.3  # inches: one column of a two-column page; panels stand below each other
+SMALL = 6  # points: the smallest text
+PANEL_POINTS = 190  # width of a panel, about
 PANEL_HEIGHT = 115  # and its height in a figure of acceleration
 
 # Okabe and Ito's palette and two darker shades: blues for the velocity, reds for the density.
@@ -103,10 +103,10 @@ def save(
 @styled
 def spring() -> Figure:
     """Draw mass points, springs and dampers of section 2.1, joined periodically (figure 2.1)."""
-    figure = Figure(figsize=(PAGE_WIDTH, 1.5))
-    axes = figure.add_axes((0, 0, 1, 1), xlim=(-0.5, 8.5), ylim=(-1.3, 0.99), aspect="equal")
+    figure = Figure(figsize=(COLUMN_WIDTH, 1.04))
+    axes = figure.add_axes((0, 0, 1, 1), xlim=(-0.4, 7.4), ylim=(-1.27, 1.19), aspect="equal")
     axes.axis("off")
-    names = ("N − 1", "0", "1", "···", "n", "n + 1", "···", "N − 1", "0")
+    names = ("N−1", "0", "···", "n", "n+1", "···", "N−1", "0")
     radius = 0.31
     # A spring of unit length.
     along = np.concatenate(([0, 0.14], np.linspace(0.18, 0.82, 9), [0.86, 1]))
@@ -122,27 +122,27 @@ def spring() -> Figure:
         image = place in (0, len(names) - 1)
         face, ink = ("white", BLUE) if image else (BLUE, "white")
         axes.add_patch(Circle((place, 0), radius, facecolor=face, edgecolor=BLUE))
-        axes.text(place, 0, name, color=ink, fontsize=7, ha="center", va="center_baseline")
+        axes.text(place, 0, name, color=ink, fontsize=SMALL, ha="center", va="center_baseline")
         if not image:
             _draw_damper(axes, place, -radius)
     for at, height, label in (
-        (3.5, -0.42, "$k_{n-1/2}$"),
-        (4, 0.42, "$m_n$"),
-        (4.5, -0.42, "$k_{n+1/2}$"),
-        (5, 0.42, "$m_{n+1}$"),
-        (4.3, -0.85, "$d_n$"),
-        (5.4, -0.85, "$d_{n+1}$"),
+        (2.47, -0.45, "$k_{n-1/2}$"),
+        (3, 0.42, "$m_n$"),
+        (3.53, -0.45, "$k_{n+1/2}$"),
+        (4, 0.42, "$m_{n+1}$"),
+        (3.35, -0.95, "$d_n$"),
+        (4.48, -0.95, "$d_{n+1}$"),
     ):
         axes.text(at, height, label, ha="center")
-    for edge in (0.5, 7.5):
-        axes.plot((edge, edge), (-0.45, 0.9), color=GREY, linestyle=":")
+    for edge in (0.5, 6.5):
+        axes.plot((edge, edge), (-0.45, 1.05), color=GREY, linestyle=":")
     axes.annotate(
         "",
-        (0.5, 0.82),
-        (7.5, 0.82),
+        (0.5, 0.98),
+        (6.5, 0.98),
         arrowprops={"arrowstyle": "<->", "linewidth": 0.6, "shrinkA": 0, "shrinkB": 0},
     )
-    axes.text(4, 0.82, "one period, $L$", ha="center", va="center", backgroundcolor="white")
+    axes.text(3.5, 0.98, "one period, $L$", ha="center", va="center", backgroundcolor="white")
     return figure
 
 
@@ -179,7 +179,7 @@ def profile(
         `t` [s], evenly spaced from 0, `x` [m], `velocity` [m/s] and, for a picture of it,
         `density` [kg/m³], both of shape (t, x).
     fields
-        A panel each, from left to right: `initial_velocity`, `velocity` or `density_change`.
+        A panel each, from above: `initial_velocity`, `velocity` or `density_change`.
     length
         Length of the periodic domain [m], or of a bar with ends; needed of such a bar, and where
         particles are not evenly spaced.
@@ -196,8 +196,9 @@ def profile(
     end = solution["t"][-1] if end_time is None else end_time * (1 + 1e-9)
     shown = _shown(int(np.count_nonzero(solution["t"] <= end)))
     length = length or _length(solution["x"])
-    figure = Figure(figsize=(PAGE_WIDTH, 2.25), layout="constrained")
-    for axes, field in zip(figure.subplots(1, len(fields), squeeze=False)[0], fields, strict=True):
+    figure = Figure(figsize=(COLUMN_WIDTH, 1.95 * len(fields)), layout="constrained")
+    panels = figure.subplots(len(fields), 1, squeeze=False)[:, 0]
+    for axes, field in zip(panels, fields, strict=True):
         if field == "initial_velocity":
             _draw_profile(axes, solution["x"], solution["velocity"][0], length)
         elif field == "velocity":
@@ -224,7 +225,7 @@ def _mark_layers(axes: Axes, layers: Layers, length: float, named: bool) -> None
         if named:
             inside = min(end, length)
             place = axes.get_xaxis_transform()
-            look: Look = {"ha": "center", "va": "bottom", "fontsize": 7, "transform": place}
+            look: Look = {"ha": "center", "va": "bottom", "fontsize": SMALL, "transform": place}
             axes.text((start + inside) / 2, 1.02, name, **look)
 
 
@@ -382,40 +383,40 @@ def modes(pod: Arrays, count: int = 12, length: float | None = None, layers: Lay
         Of a material that jumps.
     """
     counts = [min(count, len(pod[f"{field}_modes"])) for field in FIELDS]
-    columns = max(counts) if max(counts) <= 5 else 4
+    columns = min(max(counts), 3)
     rows = [-(-number // columns) for number in counts]
     # Inches: heights of a panel with its title, of what stands below a block, margins of a block.
-    panel, below, left, right, top = 0.85, 0.46, 0.6, 0.06, 0.03
+    panel, below, left, right, top = 0.78, 0.42, 0.5, 0.06, 0.03
     roundings = (pod[f"{f}_mode_rounding"][:n] for f, n in zip(FIELDS, counts, strict=True))
     turned = any((rounding > TURNED).any() for rounding in roundings)
     notes = [f"grey: {UNRESOLVED_LABEL}"] * turned
     if layers:
         parts = (f"{name} from x = {start:g} m" for start, name in layers)
-        notes.append(f"dashed: the material jumps; {', '.join(parts)}")
-    foot = 0.17 * bool(notes)
+        notes += ["dashed: the material jumps", ", ".join(parts)]
+    foot = 0.05 * bool(notes) + 0.12 * len(notes)
     height = top + sum(rows) * panel + 2 * below + foot
-    figure = Figure(figsize=(PAGE_WIDTH, height))
+    figure = Figure(figsize=(COLUMN_WIDTH, height))
     ceiling = height - top
     for field, number, row_count in zip(FIELDS, counts, rows, strict=True):
         floor = ceiling - row_count * panel
         grid = figure.add_gridspec(
             row_count,
             columns,
-            left=left / PAGE_WIDTH,
-            right=1 - right / PAGE_WIDTH,
+            left=left / COLUMN_WIDTH,
+            right=1 - right / COLUMN_WIDTH,
             bottom=floor / height,
-            top=(ceiling - 0.28) / height,
+            top=(ceiling - 0.26) / height,
             wspace=0.08,
             hspace=0.55,
         )
         _draw_modes(figure, grid, pod, field, number, length or _length(pod["x"]), layers)
-        middle = (left + PAGE_WIDTH - right) / 2 / PAGE_WIDTH
-        figure.text(middle, (floor - 0.33) / height, "position x [m]", ha="center")
-        level = (floor + ceiling - 0.28) / 2 / height
-        figure.text(0.06 / PAGE_WIDTH, level, "mode (unit norm)", rotation=90, va="center")
+        middle = (left + COLUMN_WIDTH - right) / 2 / COLUMN_WIDTH
+        figure.text(middle, (floor - 0.3) / height, "position x [m]", ha="center")
+        level = (floor + ceiling - 0.26) / 2 / height
+        figure.text(0.04 / COLUMN_WIDTH, level, "mode (unit norm)", rotation=90, va="center")
         ceiling = floor - below
     if notes:
-        figure.text(0.5, 0.05 / height, "; ".join(notes), ha="center", fontsize=7)
+        figure.text(0.5, 0.05 / height, "\n".join(notes), ha="center", fontsize=SMALL)
     return figure
 
 
@@ -511,12 +512,12 @@ def error(pod: Arrays, sweep: Arrays, errors: Arrays, reference: str) -> Figure:
     reference
         The reference of the scene, as named in `errors`.
     """
-    figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    _draw_singular_values(left, pod)
-    _draw_errors(right, sweep, errors, reference)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower left")
-    figure.legend(*right.get_legend_handles_labels(), loc="outside lower right", ncols=2)
+    figure = Figure(figsize=(COLUMN_WIDTH, 4.9), layout="constrained")
+    upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(2.1, 2.8))[:, 0]
+    _draw_singular_values(upper.subplots(), pod)
+    _draw_errors(lower.subplots(), sweep, errors, reference)
+    upper.legend(loc="outside lower center", ncols=3, handlelength=1)
+    lower.legend(loc="outside lower center", ncols=2)
     return figure
 
 
@@ -527,9 +528,9 @@ def _draw_singular_values(axes: Axes, pod: Arrays) -> None:
     if most > shown:
         # Singular values fall, so that the upper right is free.
         inset = axes.inset_axes((0.6, 0.6, 0.38, 0.38))
-        inset.tick_params(labelsize=7)
+        inset.tick_params(labelsize=SMALL)
         whole.append(inset)
-    turned = []
+    turned = False
     for panel, last in zip(whole, (shown, most), strict=False):
         values_shown = []
         for field, symbol, colour, marker in zip(
@@ -537,21 +538,26 @@ def _draw_singular_values(axes: Axes, pod: Arrays) -> None:
         ):
             values = pod[f"{field}_singular_values"][:last]
             number = np.arange(1, len(values) + 1)
-            kept = pod[f"{field}_span_rounding"][:last] <= TURNED
+            kept = pod[f"{field}_span_rounding"] <= TURNED
+            # Rounding cannot turn the span of all modes, whatever the last of them is.
+            kept[1:][-1:] &= kept[:-1][-1:]
+            kept = kept[:last]
             size = 2.5 if panel is axes else 1.0
             look: Look = {"linestyle": "", "marker": marker, "markersize": size}
             panel.plot(
                 number[kept], values[kept], color=colour, label=f"{symbol}, singular value", **look
             )
             if not kept.all():
-                turned += panel.plot(number[~kept], values[~kept], color=GREY, **look)
+                panel.plot(number[~kept], values[~kept], color=GREY, **look)
+                turned = True
             values_shown.append(values)
         scale_log(panel.yaxis, np.concatenate(values_shown))
         number_axis(panel.xaxis, last, 5 if panel is axes else 2)
         if panel is not axes:
             panel.yaxis.set_major_locator(LogLocator(numticks=4))
     if turned:
-        turned[0].set_label(UNRESOLVED_LABEL)
+        # After both fields.
+        axes.plot([], [], "o", color=GREY, markersize=2.5, label=UNRESOLVED_LABEL)
     axes.set(xlabel="mode number", ylabel="singular value [m/s, kg/m³]")
 
 
@@ -607,8 +613,9 @@ def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> N
     )
     if np.any(works):
         k = counts[np.argmax(works)]
-        label = f"k = {k}: POD errors below those of SPH"
-        axes.axvline(k, color=DIM, linewidth=0.8, linestyle=(0, (1, 1)), label=label, zorder=0.5)
+        # No grey: the modes near rounding, which it may cross, are.
+        dots: Look = {"color": GREEN, "linewidth": 1.2, "linestyle": (0, (1, 0.7))}
+        axes.axvline(k, label=f"k = {k}: POD error below SPH's", zorder=0.5, **dots)
 
 
 def mark_breakdown(axes: Axes, places: np.ndarray, look: Look) -> None:
@@ -663,7 +670,7 @@ def acceleration(
     reference: str,
     multiples: Sequence[float] = (1,),
 ) -> Figure:
-    """Draw error against CPU time, velocity left, density right (figures 3.17, 3.21, ...).
+    """Draw error against CPU time, velocity above, density below (figures 3.17, 3.21, ...).
 
     Full SPH is compared with the reference, reduced models with full SPH. A point stands at the
     median CPU time, its bar spans the quartiles. Lines stand at the error of SPH.
@@ -683,8 +690,8 @@ def acceleration(
     multiples
         Of the error of SPH, at which lines stand.
     """
-    figure = Figure(figsize=(PAGE_WIDTH, 3.3), layout="constrained")
-    panels = figure.subplots(1, 2)
+    figure = Figure(figsize=(COLUMN_WIDTH, 5.4), layout="constrained")
+    panels = figure.subplots(2, 1)
     for axes, field, symbol in zip(panels, FIELDS, "vρ", strict=True):
         of_sph = _sph_error(errors, field, reference)
         reduced = {
@@ -705,12 +712,11 @@ def acceleration(
         axes.set_ylabel(f"relative L² error of {field} {symbol}")
     handles, labels = panels[0].get_legend_handles_labels()
     title = (
-        "Stars: SPH, error against the reference; other markers: POD, error against SPH;\n"
+        "stars: SPH, error against the reference;\n"
+        "other markers: POD, error against SPH;\n"
         "bars: quartiles of the repeated runs; numbers at the dots: n"
     )
-    figure.legend(
-        handles, labels, loc="outside lower center", ncols=min(3, -(-len(labels) // 3)), title=title
-    )
+    figure.legend(handles, labels, loc="outside lower center", ncols=2, title=title)
     return figure
 
 
@@ -839,7 +845,7 @@ def _label_steps(
             ha="center",
             va="bottom" if side > 0 else "top",
             color=colour,
-            fontsize=7,
+            fontsize=SMALL,
         )
 
 
@@ -879,7 +885,7 @@ def initial_spectrum(solution: Arrays, last_harmonic: int | None = None) -> Figu
     largest = amplitude.max()
     amplitude = amplitude[: last_harmonic + 1 if last_harmonic else None]
     harmonic = np.arange(len(amplitude))
-    figure = Figure(figsize=(HALF_WIDTH, 2.4), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH, 2.4), layout="constrained")
     axes = figure.subplots()
     scale_log(axes.yaxis, amplitude)
     for part, dashes in ((0.1, (4, 2)), (0.01, (1, 1))):
@@ -905,7 +911,7 @@ def initial_spectrum(solution: Arrays, last_harmonic: int | None = None) -> Figu
 
 @styled
 def phase(sph: Arrays, exact: Arrays, modified: Arrays, position: float, beta: float) -> Figure:
-    """Draw the velocity of one particle in time, in two rows (figure C.6).
+    """Draw the velocity of one particle in time, in four rows (figure C.6).
 
     Parameters
     ----------
@@ -920,11 +926,11 @@ def phase(sph: Arrays, exact: Arrays, modified: Arrays, position: float, beta: f
     x = exact["x"]
     particle = int(np.abs(x - position).argmin())
     factor, unit = _unit(exact["velocity"][:, particle], "m/s")
-    figure = Figure(figsize=(PAGE_WIDTH, 2.9), layout="constrained")
-    rows = figure.subplots(2, 1, sharey=True)
+    figure = Figure(figsize=(COLUMN_WIDTH, 4.4), layout="constrained")
+    rows = figure.subplots(4, 1, sharey=True)
     duration = exact["t"][-1]
     for row, axes in enumerate(rows):
-        start, end = row * duration / 2, (row + 1) * duration / 2
+        start, end = row * duration / 4, (row + 1) * duration / 4
         for solution, label, look in (
             (exact, "exact solution", {"color": GREY, "linewidth": 1.6}),
             (modified, f"exact, waves β = {beta:.4f} times as fast", {"color": BLUE}),
@@ -935,7 +941,7 @@ def phase(sph: Arrays, exact: Arrays, modified: Arrays, position: float, beta: f
             velocity = factor * solution["velocity"][during, particle]
             axes.plot(solution["t"][during], velocity, label=label, **look)
         axes.set(xlim=(start, end))
-    rows[1].set_xlabel("time t [s]")
-    figure.supylabel(f"velocity v at x = {x[particle]:g} m [{unit}]", fontsize=8)
-    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    rows[-1].set_xlabel("time t [s]")
+    figure.supylabel(f"velocity v at x = {x[particle]:g} m [{unit}]", fontsize=7)
+    figure.legend(*rows[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure

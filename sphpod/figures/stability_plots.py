@@ -25,6 +25,7 @@ from sphpod.figures.plotting import (
     BLUE,
     BREAKDOWN_NOTE,
     BROWN,
+    COLUMN_WIDTH,
     DIM,
     FIELDS,
     GREEN,
@@ -32,10 +33,10 @@ from sphpod.figures.plotting import (
     NAMES,
     NAVY,
     ORANGE,
-    PAGE_WIDTH,
     PALE,
     PURPLE,
     SKY,
+    SMALL,
     VERMILLION,
     WORST_ERROR,
     Arrays,
@@ -90,7 +91,7 @@ Place = tuple[str, ...]
 """Where a table comes from: a scene, or a scene and a sampling of it."""
 
 WHITE_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
-NOTE: Look = {"color": DIM, "fontsize": 7, "zorder": 2, "bbox": WHITE_BOX}
+NOTE: Look = {"color": DIM, "fontsize": SMALL, "zorder": 2, "bbox": WHITE_BOX}
 PREDICTED: Look = {"markersize": 6.5, "fillstyle": "none"}
 MEASURED: Look = {"markersize": 3}
 
@@ -183,7 +184,7 @@ def _percent(predicted: float, measured: float) -> str:
 # --- Map ------------------------------------------------------------------------------------------
 
 
-DRIFT_NOTE = "original POD: faint growth below the limit is drift of its density, not instability"
+DRIFT_NOTE = "original POD: faint growth below the limit\nis drift of its density, not instability"
 
 
 @styled
@@ -211,20 +212,22 @@ def stability_map(damping: Arrays, modes: Arrays) -> Figure:
     if not np.all(damping["map_damping"] > 0):
         raise ValueError("a map over the logarithm of damping cannot show a damping of zero")
     norm = _growth_norm(np.append(damping["map_growth"], modes["mode_growth"]))
-    columns = max(len(damping["map_integrator"]), len(modes["contender"]))
-    figure = Figure(figsize=(PAGE_WIDTH, 4.7), layout="constrained")
-    panels = figure.subplots(2, columns, squeeze=False)
-    for axes in panels.flat:
-        axes.set_axis_off()
-    for place, (axes, name) in enumerate(zip(panels[0], damping["map_integrator"], strict=False)):
+    counts = len(damping["map_integrator"]), len(modes["contender"])
+    figure = Figure(figsize=(COLUMN_WIDTH, 1.0 + 1.75 * max(counts)), layout="constrained")
+    panels = figure.subplots(max(counts), 2, squeeze=False)
+    for column, count in enumerate(counts):
+        for axes in panels[count:, column]:
+            axes.remove()
+    full, reduced = panels[: counts[0], 0], panels[: counts[1], 1]
+    for place, (axes, name) in enumerate(zip(full, damping["map_integrator"], strict=True)):
         edges = _edges(damping["map_damping"], logarithmic=True)
         growth, limit = damping["map_growth"][place], damping["map_limit"][place]
         mesh = _draw_map(axes, edges, damping["map_time_step"], growth, norm)
         _draw_limit(axes, damping["map_damping"], limit, damping["map_time_step"])
         scale_log(axes.xaxis, damping["map_damping"])
         axes.set(xlim=edges[[0, -1]], xlabel="damping d [1/s]")
-        axes.set_title(f"full model, {_integrator(name)}", loc="left")
-    for place, (axes, name) in enumerate(zip(panels[1], modes["contender"], strict=False)):
+        axes.set_title(f"full model,\n{_integrator(name)}", loc="left")
+    for place, (axes, name) in enumerate(zip(reduced, modes["contender"], strict=True)):
         edges = _edges(modes["mode_count"])
         growth, limit = modes["mode_growth"][place], modes["mode_limit"][place]
         mesh = _draw_map(axes, edges, modes["map_time_step"], growth, norm)
@@ -232,16 +235,16 @@ def stability_map(damping: Arrays, modes: Arrays) -> Figure:
         _draw_limit(axes, steps, np.repeat(limit, 2), modes["map_time_step"])
         axes.set(xlim=edges[[0, -1]], xlabel="number of modes k")
         axes.xaxis.set_major_locator(MaxNLocator(6, integer=True, steps=(1, 2, 5, 10)))
-        axes.set_title(f"{_model(name)}, explicit Euler", loc="left")
-    for axes in panels[:, 0]:
+        axes.set_title(f"{_model(name)},\nexplicit Euler", loc="left")
+    for axes in full:
         axes.set_ylabel("time step Δt [s]")
     _add_growth_bar(figure, mesh, norm)
-    _add_legend(figure, panels.flat, title=DRIFT_NOTE if "original" in modes["contender"] else None)
+    _add_legend(figure, full, title=DRIFT_NOTE if "original" in modes["contender"] else None)
     return figure
 
 
 def _add_legend(
-    figure: Figure | SubFigure, panels: Iterable[Axes], columns: int = 4, title: str | None = None
+    figure: Figure | SubFigure, panels: Iterable[Axes], columns: int = 2, title: str | None = None
 ) -> None:
     """Put one legend below, of what the panels label, each once."""
     # A scene may have the name of something else, but not its colour.
@@ -278,7 +281,6 @@ def _draw_map(
     axes: Axes, edges: np.ndarray, time_steps: np.ndarray, growth: np.ndarray, norm: AsinhNorm
 ) -> QuadMesh:
     """Draw growth of shape (x, time step) as a field over x and time steps."""
-    axes.set_axis_on()
     axes.set_facecolor(GREY)
     heights = _edges(time_steps, logarithmic=True)
     # As a vector picture it would have thousands of seams.
@@ -300,10 +302,12 @@ def _draw_limit(axes: Axes, x: np.ndarray, limit: np.ndarray, time_steps: np.nda
 
 def _add_growth_bar(figure: Figure, mesh: QuadMesh, norm: AsinhNorm) -> None:
     label = "logarithm of the amplitude's growth in a step"
-    bar = figure.colorbar(mesh, ax=figure.axes, label=label, pad=0.02, aspect=36)
+    bar = figure.colorbar(mesh, ax=figure.axes, label=label, pad=0.02, aspect=36, location="bottom")
     bar.outline.set_linewidth(0.6)
     lowest, highest = np.log10(norm.linear_width), np.log10(norm.inverse(1))
-    powers = np.arange(np.ceil(lowest + 0.5), np.floor(highest) + 1).astype(int)
+    powers = np.arange(np.floor(highest), np.ceil(lowest + 0.5) - 1, -1).astype(int)
+    # Room for three on either side of zero.
+    powers = powers[:: -(-len(powers) // 3) or 1][::-1]
     ticks = [*(-(10.0**power) for power in powers[::-1]), 0, *(10.0**power for power in powers)]
     bar.set_ticks(ticks, labels=[_signed(tick) for tick in ticks])
     bar.minorticks_off()
@@ -334,10 +338,10 @@ CONSERVING_LOOKS: dict[str, Look] = {
 def growth(scenes: Mapping[Place, Arrays]) -> Figure:
     """Draw energy growth of explicit Euler, breakdown times, and changes of energies that are kept.
 
-    A row a scene. Left, how much energy each run has gained at its end; in the middle, where the
+    A row a scene. Above, how much energy each run has gained at its end; in the middle, where the
     longest run of a scene breaks down or should, the time at which it does. Hollow markers are
     predicted, filled ones measured; beside them stands their relative difference. An energy that
-    does not grow stands on the left edge. Right, how far
+    does not grow stands on the left edge. Below, how far
     the energy that an integrator keeps moves. Values on the right edge are not finite, on the left
     edge zero.
 
@@ -357,19 +361,19 @@ def growth(scenes: Mapping[Place, Arrays]) -> Figure:
     names = [_words(scene) for (scene,) in scenes]
     breaks = {name: _breakdown(scene) for name, scene in scenes.items()}
     several = any(np.isfinite(pair).any() for pair in breaks.values())
-    figure = Figure(figsize=(PAGE_WIDTH, 1.5 + 0.34 * len(scenes)), layout="constrained")
-    ratios = (1.25, 0.9, 0.9) if several else (1.25, 0.9)
-    panels = figure.subplots(1, len(ratios), sharey=True, width_ratios=ratios)
-    _label_rows(panels[0], names)
+    number = len(scenes)
+    gains, others = 0.5 + 0.3 * number, 0.5 + 0.2 * number
+    ratios = (gains, others, others) if several else (gains, others)
+    figure = Figure(figsize=(COLUMN_WIDTH, 0.5 + sum(ratios)), layout="constrained")
+    panels = figure.subplots(len(ratios), 1, height_ratios=ratios)
+    for axes in panels:
+        _label_rows(axes, names)
     _draw_gains(panels[0], scenes)
     if several:
         _draw_breakdowns(panels[1], breaks, max(s["horizon"].max() for s in scenes.values()))
     for kind, size in zip(PAIR, (PREDICTED, MEASURED), strict=True):
         panels[0].plot([], [], "o", color=DIM, label=kind, **size)
     _draw_drifts(panels[-1], scenes)
-    for axes in panels[1:]:
-        axes.tick_params(axis="y", length=0)
-        axes.grid()
     _add_legend(figure, panels, 3)
     return figure
 
@@ -443,8 +447,6 @@ def _draw_drifts(axes: Axes, scenes: Mapping[Place, Arrays]) -> None:
         raise ValueError(f"there is no look for energies kept by {unknown[0]}")
     drifts = np.concatenate([scene["energy_drift"] for scene in scenes.values()])
     scale_log(axes.xaxis, np.append(drifts[np.isfinite(drifts)], CONSERVED), room=0.08)
-    # The panel is narrow.
-    axes.xaxis.set_major_locator(LogLocator(numticks=5))
     axes.axvline(CONSERVED, color=DIM, linewidth=0.8, linestyle="--")
     kinds = [name for name in CONSERVING_LOOKS if name in present]
     for place, name in enumerate(kinds):
@@ -514,15 +516,15 @@ def operators(
     """
     _given(samplings, "operators")
     looks = scene_looks([*samplings, *random])
-    heights = (3.0, *([2.3] if random else []), *([2.1] if runs else []))
-    figure = Figure(figsize=(PAGE_WIDTH, sum(heights)), layout="constrained")
+    heights = (4.6, *([1.9] if random else []), *([0.3 + 1.05 * len(runs)] if runs else []))
+    figure = Figure(figsize=(COLUMN_WIDTH, sum(heights)), layout="constrained")
     parts = iter(figure.subfigures(len(heights), 1, squeeze=False, height_ratios=heights)[:, 0])
     upper = next(parts)
-    panels = upper.subplots(1, len(OPERATORS), sharey=True)
+    panels = upper.subplots(len(OPERATORS), 1, sharex=True, sharey=True)
     broken = _draw_growth_rates(panels, samplings, looks)
     for scene, look in looks.items():
         panels[0].plot([], [], label=_words(scene), **look)
-    _add_legend(upper, panels, 4, "top edge: not finite" if broken else None)
+    _add_legend(upper, panels, 2, "top edge: not finite" if broken else None)
     if random:
         _draw_random(next(parts), random, looks)
     if runs:
@@ -555,9 +557,9 @@ def _draw_growth_rates(
                 axes.plot(counts[chosen], shown[chosen], **some)
             mark_breakdown(axes, counts[~known], look)
         axes.set_title(title, loc="left")
-        axes.set_xlabel("number of modes k")
         axes.xaxis.set_major_locator(MaxNLocator(5, integer=True, steps=(1, 2, 5, 10)))
-    panels[0].set_ylabel("largest real part [1/s]")
+    panels[-1].set_xlabel("number of modes k")
+    panels[len(panels) // 2].set_ylabel("largest real part [1/s]")
     return not finite.all()
 
 
@@ -602,7 +604,7 @@ def _draw_random(
     axes.set(
         ylim=(0, 1),
         xlabel="largest real part / norm of the operator",
-        ylabel="share of bases that grow faster",
+        ylabel="share that grows faster",
     )
     axes.set_title(f"{count} random bases", loc="left")
     for label, line in (("Euclidean modes", "-"), ("energy modes", ":")):
@@ -612,7 +614,7 @@ def _draw_random(
 
 def _draw_runs(figure: SubFigure, runs: Mapping[Place, Arrays]) -> None:
     """Energies of runs, a panel each."""
-    panels = figure.subplots(1, len(runs), squeeze=False)[0]
+    panels = figure.subplots(len(runs), 1, squeeze=False)[:, 0]
     broken = False
     for axes, (place, run) in zip(panels, runs.items(), strict=True):
         time = run["t"]
@@ -625,11 +627,14 @@ def _draw_runs(figure: SubFigure, runs: Mapping[Place, Arrays]) -> None:
             drawn.append(energy[finite])
             broken |= not finite.all()
         scale_log(axes.yaxis, np.concatenate(drawn))
-        axes.set(xlim=time[[0, -1]], xlabel="time t [s]")
+        if np.divide(*axes.get_ylim()[::-1]) > 1e3:
+            # The panel is low.
+            axes.yaxis.set_major_locator(LogLocator(numticks=5))
+        axes.set(xlim=time[[0, -1]], ylabel="E(t)/E(0)")
         scene, *sampling = place
         kind = f"POD modes of {sampling[0]}" if sampling else "random modes"
-        axes.set_title(f"{_words(scene)}, {kind}", loc="left")
-    panels[0].set_ylabel("energy E(t)/E(0)")
+        axes.set_title(f"{_words(scene)}, {kind}: energy", loc="left")
+    panels[-1].set_xlabel("time t [s]")
     _add_legend(figure, panels[:1], 2, "top edge: broken down" if broken else None)
 
 
@@ -663,13 +668,13 @@ def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     for (name,), scene in scenes.items():
         if not np.all(scene["smoothing_ratio"] > 1):
             raise ValueError(f"{name} has smoothing ratios that are not above 1")
-    figure = Figure(figsize=(PAGE_WIDTH, 4.9), layout="constrained")
-    panels = figure.subplots(2, 2, sharex=True)
+    figure = Figure(figsize=(COLUMN_WIDTH, 7.2), layout="constrained")
+    panels = figure.subplots(4, 1, sharex=True)
     first = next(iter(scenes.values()))
     ratios = first["smoothing_ratio"]
     own = sorted({float(scene["scene_smoothing_ratio"]) for scene in scenes.values()})
     usual = np.abs(ratios - own[0]).argmin()
-    beta, stable = panels[0]
+    beta, stable = panels[:2]
     beta.axhline(1, color=GREY, linewidth=0.6)
     beta.plot(ratios, first["derivative_coefficient"], color=BLUE)
     _name_axis(beta, "derivative coefficient β (solid)", BLUE)
@@ -688,12 +693,11 @@ def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     neighbours.yaxis.set_major_locator(MaxNLocator(integer=True))
     looks = scene_looks(scenes)
     broken = [_draw_smoothing_errors(axes, scenes, looks, field)
-              for axes, field in zip(panels[1], FIELDS, strict=True)]  # fmt: skip
-    for axes in panels.flat:
+              for axes, field in zip(panels[2:], FIELDS, strict=True)]  # fmt: skip
+    for axes in panels:
         _scale_ratios(axes, np.append(ratios, own), own)
-    for axes in panels[1]:
-        axes.set_xlabel("smoothing ratio α = h/Δx")
-    _add_legend(figure, panels[1], 4, BREAKDOWN_NOTE if any(broken) else None)
+    panels[-1].set_xlabel("smoothing ratio α = h/Δx")
+    _add_legend(figure, panels[2:], 2, BREAKDOWN_NOTE if any(broken) else None)
     return figure
 
 
@@ -797,8 +801,8 @@ def amplitude(amplitude: Arrays) -> Figure:
     whole = (compression > 0) & (compression < 1)
     if not whole.any():
         raise ValueError("full SPH breaks down, or strains nothing, at every amplitude")
-    figure = Figure(figsize=(PAGE_WIDTH, 3.1), layout="constrained")
-    panels = figure.subplots(1, 2)
+    figure = Figure(figsize=(COLUMN_WIDTH, 5.2), layout="constrained")
+    panels = figure.subplots(2, 1)
     broken = False
     for axes, field, symbol in zip(panels, FIELDS, "vρ", strict=True):
         drawn = []
@@ -818,13 +822,13 @@ def amplitude(amplitude: Arrays) -> Figure:
             xlabel="largest compression 1 − min J", ylabel=f"relative L² error of {field} {symbol}"
         )
         _add_factors(axes, compression[whole], amplitude["amplitude"][whole])
-    title = "errors against full SPH; of the model exact in time, against lifted SPH"
+    title = "errors against full SPH;\nof the model exact in time, against lifted SPH"
     folding = float(amplitude["folding_amplitude"])
     if np.isfinite(folding):
         title += f"\nshaded: J ≤ 0 in full SPH, from {shortened(folding)} v₀"
     if broken:
         title += f"\n{BREAKDOWN_NOTE}"
-    _add_legend(figure, panels, 3, title)
+    _add_legend(figure, panels, 2, title)
     return figure
 
 
@@ -880,20 +884,21 @@ def poor_snapshots(snapshots: Arrays) -> Figure:
     if not np.all(snapshots["noise"] > 0):
         raise ValueError("a logarithmic axis cannot show snapshots without noise")
     outcomes = [
-        fill(_without_scene(text), 70) if np.isinf(smallest) else ""
+        fill(_without_scene(text), 34) if np.isinf(smallest) else ""
         for text, smallest in zip(
             snapshots["defect_outcome"], _defects(snapshots).min(axis=1), strict=True
         )
     ]
-    lines = np.array([1 + text.count("\n") for text in outcomes])
-    rows = 0.5 + 0.09 + 0.13 * (lines + 0.5).sum()
-    figure = Figure(figsize=(PAGE_WIDTH, 2.4 + rows), layout="constrained")
+    # Two lines at least: a name, and its numbers of modes.
+    lines = np.array([max(2, 1 + text.count("\n")) for text in outcomes])
+    rows = 0.5 + 0.09 + 0.11 * (lines + 0.5).sum()
+    figure = Figure(figsize=(COLUMN_WIDTH, 2.4 + rows), layout="constrained")
     upper, lower = figure.subfigures(2, 1, squeeze=False, height_ratios=(2.4, rows))[:, 0]
     panels = upper.subplots(), lower.subplots()
     broken = _draw_noise(panels[0], snapshots)
     broken |= _draw_defects(panels[1], snapshots, outcomes, lines)
     note = "top or right edge: above 10³ or not finite" if broken else None
-    _add_legend(upper, panels, 3, note)
+    _add_legend(upper, panels, 2, note)
     return figure
 
 
@@ -938,7 +943,7 @@ def _draw_defects(
     heights = ends - (lines + 0.5) / 2
     scale_log(axes.xaxis, pairs[np.isfinite(pairs)], room=0.08)
     names = [
-        f"{_words(defect)}, k = {count}" + f", rank {rank}" * bool(rank)
+        f"{_words(defect)},\nk = {count}" + f", rank {rank}" * bool(rank)
         for defect, count, rank in zip(
             *(snapshots[f"defect{part}"] for part in ("", "_mode_count", "_rank")), strict=True
         )
@@ -999,14 +1004,14 @@ def time_steps(tables: Mapping[Place, Arrays]) -> Figure:
     _given(tables, "limits")
     looks = scene_looks(tables)
     labels = {
-        (model, integrator): f"{_model(model)}, {_integrator(integrator)}"
+        (model, integrator): f"{_model(model)},\n{_integrator(integrator)}"
         for table in tables.values()
         for model, integrator in zip(
             table["contender"].tolist(), table["integrator"].tolist(), strict=True
         )
     }
     places = {pair: row for row, pair in enumerate(sorted(labels, key=_model_order))}
-    figure = Figure(figsize=(PAGE_WIDTH, 1.4 + 0.3 * len(labels)), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH, 1.9 + 0.3 * len(labels)), layout="constrained")
     axes = figure.subplots()
     offsets = dict(zip(looks, np.linspace(-0.32, 0.32, len(looks) + 2)[1:-1], strict=True))
     drawn = []
@@ -1031,13 +1036,13 @@ def time_steps(tables: Mapping[Place, Arrays]) -> Figure:
         (not finite.all(), "left edge: equal, or neither has a limit"),
         (not np.isfinite(finite).all(), "right edge: only one of them has a limit"),
     ]
-    axes.set_title("; ".join(note for holds, note in notes if holds), loc="right")
+    axes.set_title("\n".join(note for holds, note in notes if holds), loc="right")
     for scene, scene_look in looks.items():
         axes.plot([], [], linestyle="", label=_words(scene), **scene_look)
     for label, size in QUANTITIES.values():
         axes.plot([], [], "o", color=DIM, label=label, **size)
     axes.axvline(CLOSE, color=DIM, linewidth=0.8, linestyle="--", label="1 %")
-    _add_legend(figure, [axes], 4)
+    _add_legend(figure, [axes], 2)
     return figure
 
 

@@ -189,7 +189,7 @@ def prepare(
         if not scene.is_steady:
             return run
         return _resolved(scene, integrator, tolerance, run)
-    if integrator == "exact" and not scene.is_steady:
+    if integrator == "exact" and scene.is_stepped:
         return coefficients_in_time.prepare(scene, begin)
     if integrator == "exact":
         run = (_fourier if is_uniform(scene) else _exponential)(scene, begin)
@@ -773,7 +773,7 @@ def _adaptive(scene, integrator, tolerance, begin):
             velocity[rows], strain[rows] = np.split(states[: rows.size], 2, axis=1)
             if not result.success:
                 break
-            state = states[-1]
+            state = states[-1].copy()
         return _watched(velocity, strain) if watch else -1
 
     return run

@@ -11,6 +11,8 @@ that does not change with time there are no factors.
 About a free end the strain is odd, but what a step in ρ adds to it is not: of J = ρ0/ρ at the rate
 s it makes J + Δt s + Δt² s²/(J - Δt s). So beyond free ends the stress is set after every step to
 what the bar's own says, and at them to zero.
+
+Long, as kernels for all arrangements of particles stand beside each other.
 """
 
 import numpy as np
@@ -108,7 +110,7 @@ def prepare(
     damping, slowing = changing(scene, "damping", steps[-1], first_step)
     material = dt / density0, modulus, modulus * density0
     forces = dt * damping, dt * amplitudes, profiles
-    changes = stiffening, density0, (slowing[0], dt * slowing[1]), _images(scene)
+    changes = stiffening, density0, (slowing[0], dt * slowing[1])
     geometry: tuple[np.ndarray, ...]
     if neighbours == "lists":
         geometry = scene.neighbour_lists()
@@ -121,6 +123,7 @@ def prepare(
         march = march_stencil
 
     pace = fastest_change(scene, dt, largest_force(amplitudes, profiles), factor=2)
+    geometry = *geometry, *_images(scene)
     velocity0 = np.pad(velocity_now, ghosts, mode="wrap")
     stress0 = np.pad(modulus * (1 - density0 / density_now), ghosts, mode="wrap")
 
@@ -130,7 +133,7 @@ def prepare(
         rho = density_now.copy()
         schedule = first_step, steps, watch, pace
         kept = velocity, density
-        # A modulus that changes is written over.
+        # A modulus that changes is written over from step to step.
         own = tuple(part.copy() for part in material) if stiffening[0].size else material
         return march((state, rho), own, forces, changes, geometry, schedule, kept)
 
@@ -180,9 +183,11 @@ def largest_force(amplitudes: np.ndarray, profiles: np.ndarray) -> float:
 
 
 def _images(scene):
-    """Particles beyond free ends, those that they are images of, and the signs of strains there."""
+    """Particles beyond free ends, those that they are images of, and the signs of strains there.
+
+    None where a study takes a number of particles that leaves none on an end.
+    """
     ends = scene.ends
-    # A study may take a number of particles that leaves none on an end.
     if ends is None or not ends.is_free or scene.particle_count % ends.copies:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
     sources, signs = ends.images(scene.particle_count, STRAIN)
@@ -384,14 +389,15 @@ def march_stencil(state, material, forces, changes, geometry, schedule, kept):
     """Evenly spaced particles.
 
     ``state`` holds velocity and stress, old and new, with ghosts, and the density; ``changes``
-    those of the modulus, ρ0, those of the damping, and `_images`; ``schedule`` the first step,
-    those after which the state is kept, whether it is looked at, and `fastest_change`.
+    those of the modulus, ρ0, and those of the damping; ``geometry`` the weights of neighbours, and
+    particles that are set as `reflect` does; ``schedule`` the first step, those after which the
+    state is kept, whether it is looked at, and `fastest_change`.
     """
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
     modulus, load, damping = material[1], material[2], forces[0]
-    stiffening, density0, slowing, images = changes
-    (weights,) = geometry
+    stiffening, density0, slowing = changes
+    weights, images = geometry[0], (geometry[1], geometry[2], geometry[3])
     first_step, steps, watch, pace = schedule
     velocity, density = kept
     width = weights.size
@@ -459,10 +465,11 @@ def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
 @compiled
 def march_lists(state, material, forces, changes, geometry, schedule, kept):
     """Any arrangement of particles, as `march_stencil` without ghosts."""
+    lists, images = (geometry[0], geometry[1], geometry[2]), (geometry[3], geometry[4], geometry[5])
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
     modulus, load, damping = material[1], material[2], forces[0]
-    stiffening, density0, slowing, images = changes
+    stiffening, density0, slowing = changes
     first_step, steps, watch, pace = schedule
     velocity, density = kept
     acted = forces[0].size > 0 or forces[1].size > 0
@@ -476,7 +483,7 @@ def march_lists(state, material, forces, changes, geometry, schedule, kept):
     done = first_step
     for row in range(steps.size):
         for step in range(done, steps[row]):
-            advance_lists(v, new_v, stress, new_stress, rho, material, geometry)
+            advance_lists(v, new_v, stress, new_stress, rho, material, lists)
             if slowing[0].size:
                 change(damping, slowing, step)
             if acted:

@@ -98,7 +98,7 @@ class Everywhere:
     Attributes
     ----------
     places : array, shape (r,)
-        x_r [m], ascending.
+        x_r [m], ascending from 0, in a bar with ends up to L.
     length : float
         Period [m].
     factors : tuple of Expressions in t
@@ -112,7 +112,9 @@ class Everywhere:
     def profiles(self, x: np.ndarray) -> np.ndarray:
         """p_r at places [m], shape (r, places)."""
         count = self.places.size
-        at = np.interp(x, np.append(self.places, self.length), np.arange(count + 1))
+        closed = self.places[-1] >= self.length
+        nodes = self.places if closed else np.append(self.places, self.length)
+        at = np.interp(x, nodes, np.arange(nodes.size))
         below = np.floor(at).astype(int)
         result = np.zeros((count + 1, at.size))
         result[below % count, np.arange(at.size)] = 1 - (at - below)
@@ -121,34 +123,37 @@ class Everywhere:
 
 
 @dataclass(frozen=True)
-class Moved:
-    """A function that is elsewhere what others are here, but for a sign.
+class Folded:
+    """A sum of products of places in a bar, on a line of its images.
 
     Attributes
     ----------
-    parts : Separated
-    move : callable
-        Of places [m], those at which ``parts`` are taken, and the signs.
+    parts : Products, Interpolated or Everywhere
+        Of the bar.
+    fold : callable
+        Of places on the line, the places in the bar that these are images of, and the sign there.
     """
 
-    parts: "Separated"
-    move: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+    parts: Products | Interpolated | Everywhere
+    fold: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
     @property
     def factors(self) -> tuple[Expression, ...]:
-        """Those of the parts."""
+        """g_r, those of the bar."""
         return self.parts.factors
 
     def profiles(self, x: np.ndarray) -> np.ndarray:
         """p_r at places [m], shape (r, places)."""
-        places, signs = self.move(x)
+        places, signs = self.fold(x)
         return self.parts.profiles(places) * signs
 
 
-Separated = Products | Interpolated | Everywhere | Moved
+Separated = Products | Interpolated | Everywhere | Folded
 
 
-def separate(expression: Expression, duration: float, places: np.ndarray) -> Separated:
+def separate(
+    expression: Expression, duration: float, places: np.ndarray
+) -> Products | Interpolated | Everywhere:
     """A function of x and t as a sum of products, made once in a process.
 
     Parameters

@@ -70,7 +70,7 @@ def certify(
         )  # fmt: skip
     norms = np.sqrt(velocity.total + strain.total)
     best = Best.of(scene, modes)
-    operators = FullModel.of(scene) if scene.is_steady else None
+    operators = None if scene.is_stepped else FullModel.of(scene)
     bounds = {}
 
     def measure(solution):

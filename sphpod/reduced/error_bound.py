@@ -500,11 +500,10 @@ def error_bounds(
     -------
     bound, plain : arrays, shape (times,)
         The smallest of all bounds at each time, and the one of the residual alone, without changed
-        modes or enrichment. Where modulus or damping change with time both are that of
-        `reduced_in_time`.
+        modes or enrichment. Where models are stepped both are that of `reduced_in_time`.
     """
     model = prepared.model
-    if not model.scene.is_steady:
+    if model.scene.is_stepped:
         in_time = reduced_in_time.error_bounds(prepared)
         return in_time, in_time
     full = full or FullModel.of(model.scene)

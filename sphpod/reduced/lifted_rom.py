@@ -257,7 +257,7 @@ class LiftedModel:
     @cached_property
     def own(self) -> "OwnModes":
         """The model in the modes of its operator; in its own where that changes with time."""
-        if not self.scene.is_steady:
+        if self.scene.is_stepped:
             return OwnModes(self.operator[None], 0, np.eye(len(self.operator)), True, True)
         damping = self.scene.damping_values()
         if damping.size and damping.min() < damping.max():
@@ -278,7 +278,7 @@ class LiftedModel:
         back = own.from_modes
         mass, _ = lifted.energy_weights(scene)
         start = back[:, :kv] @ (self.velocity_modes * mass)
-        if not scene.is_steady:
+        if scene.is_stepped:
             terms = reduced_in_time.Terms.of(self)
             return Prepared(self, method, reduced_in_time.Steps(terms, euler_steps > 0), start)
         jumps = propagator.prepare(

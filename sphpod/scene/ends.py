@@ -11,13 +11,12 @@ models see the line, files and figures the bar (`sphpod.bar`).
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from sphpod.numerics.expressions import Expression
-from sphpod.numerics.separation import Everywhere, Moved, Products, Separated
 
 KINDS = ("fixed", "free")
 """What an end may be."""
@@ -149,26 +148,17 @@ class Mirrored(Expression):
     def __reduce__(self) -> tuple:
         return Mirrored, (self.expression, self.ends, self.spacing, self.odd)
 
+    def fold(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places in the bar that those on the line are images of, and signs (`Ends.folded`)."""
+        return self.ends.folded(x, self.spacing, self.odd)
+
     def __call__(self, **arrays: np.ndarray) -> np.ndarray:
         """As that of the bar at the places that these are images of, times their signs."""
-        x = np.asarray(arrays["x"], np.float64)
-        places, signs = self.ends.folded(x, self.spacing, self.odd)
+        places, signs = self.fold(np.asarray(arrays["x"], np.float64))
         return super().__call__(**{**arrays, "x": places}) * signs
 
-    def of_line(self, parts: Separated) -> Separated:
-        """The line's function of x and t out of what the bar's is a sum of."""
-        if isinstance(parts, Products):
-            one = Expression(1, ("x",))
-            shapes = (shape or one for shape in parts.shapes)
-            mirrored = (Mirrored(shape, self.ends, self.spacing, self.odd) for shape in shapes)
-            return Products(parts.factors, tuple(mirrored))
-        if isinstance(parts, Everywhere):
-            # No place of a bar is beyond its last particle.
-            parts = replace(parts, length=2 * parts.length)
-        return Moved(parts, lambda x: self.ends.folded(x, self.spacing, self.odd))
-
     def shifted(self, by: float) -> "Mirrored":
-        """The expression that gives at t what this one gives at t + ``by``."""
+        """That of the bar which gives at t what this one gives at t + ``by``."""
         return Mirrored(self.expression.shifted(by), self.ends, self.spacing, self.odd)
 
     def rewritten(self, text: str) -> "Mirrored":

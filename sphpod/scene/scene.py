@@ -1,6 +1,6 @@
 """What is simulated: domain, initial state, material, damping, force, and discretisation.
 
-Long, as all models ask one class for what its numbers and formulas are at the particles.
+Long, as all that models ask of a scene is here.
 """
 
 import logging
@@ -14,7 +14,7 @@ import numpy as np
 from sphpod.numerics.course import Course
 from sphpod.numerics.error import blocks
 from sphpod.numerics.expressions import Expression
-from sphpod.numerics.separation import Products, Separated, instants, separate
+from sphpod.numerics.separation import Folded, Products, Separated, instants, separate
 from sphpod.scene.ends import MATERIAL, VELOCITY, Ends, Mirrored
 from sphpod.scene.kernel import derivative, neighbour_lists, stencil_weights
 
@@ -46,6 +46,9 @@ IN_X, IN_T, IN_X_AND_T = ("x",), ("t",), ("x", "t")
 
 MOST_STEPS = 10**15
 """Time steps up to which a time is a whole number of them."""
+
+MOST_JUMPED = 8
+"""Terms of a force up to which models that are exact in time jump from output to output."""
 
 ABSENT = np.zeros(0)
 """Stands for a damping that a scene does not have."""
@@ -155,7 +158,15 @@ class Scene:
             length, count = ends.copies * length, ends.copies * (count - 1)
 
         def expression(key, text, *allowed):
-            found = _formula(f"scene {name}: {key}", text, allowed, constants)
+            """The formula in the first set of variables that has all its own."""
+            for variables in allowed:
+                try:
+                    found = Expression(text, variables, constants)
+                    break
+                except ValueError as error:
+                    refusal = error
+            else:
+                raise ValueError(f"scene {name}: {key}: {refusal}") from None
             if ends is None or "x" not in found.variables:
                 return found
             odd = VELOCITY if key.startswith(("initial_velocity", "force")) else MATERIAL
@@ -164,23 +175,13 @@ class Scene:
         def profile(key, *allowed):
             return expression(key, settings[key], *allowed) if key in settings else None
 
-        def force(key, term):
-            if isinstance(term, dict):
-                factor = expression(f"{key}.time", term["time"], IN_T)
-                shape = expression(f"{key}.profile", term["profile"], IN_X)
-                return Products((factor,), (shape,))
-            found = expression(key, term, IN_T, IN_X_AND_T)
-            if found.variables == IN_X_AND_T:
-                return found
-            # What is the same all over a bar is not the same all over the line.
-            fixed = ends is not None and ends.is_fixed
-            return Products((found,), (expression(key, 1, IN_X) if fixed else None,))
-
+        # What is alike all over a bar is not so all over its images beyond a fixed end.
+        alike = expression("force", 1, IN_X) if ends and ends.is_fixed else None
         given = settings.get("force", [])
         if isinstance(given, list):
-            forces = tuple(force(f"force.{n}", term) for n, term in enumerate(given))
+            forces = [_term(f"force.{n}", term, expression, alike) for n, term in enumerate(given)]
         else:
-            forces = (force("force", given),)
+            forces = [_term("force", given, expression, alike)]
         places = settings.get("positions", {})
         return cls(
             name=name,
@@ -195,7 +196,7 @@ class Scene:
             initial_density=profile("initial_density", IN_X),
             youngs_modulus=profile("youngs_modulus", IN_X, IN_X_AND_T),
             damping=profile("damping", IN_X, IN_X_AND_T),
-            forces=forces,
+            forces=tuple(forces),
             jitter=float(places.get("jitter", 0.0)),
             seed=places.get("seed", 0),
             ends=ends,
@@ -253,6 +254,16 @@ class Scene:
     def is_conservative(self) -> bool:
         """Whether nothing damps or pushes the waves, so that they keep their energy."""
         return self.is_steady and not self.forces and not self.damping_values().size
+
+    @property
+    def is_stepped(self) -> bool:
+        """Whether models that are exact in time are stepped: none jumps from output to output.
+
+        So it is where coefficients change with time, and where the force has so many terms that
+        what each does from output to output costs more than the steps.
+        """
+        terms = sum(len(term.factors) for term in self.force_terms)
+        return not self.is_steady or terms > MOST_JUMPED
 
     @property
     def is_steady(self) -> bool:
@@ -331,8 +342,8 @@ class Scene:
     def separated(self, expression: Expression) -> Separated:
         """A function of x and t as a sum of products, at the particles."""
         if isinstance(expression, Mirrored):
-            parts = separate(expression.expression, self.duration, self.positions[: self.bar_count])
-            return expression.of_line(parts)
+            inner, places = expression.expression, self.positions[: self.bar_count]
+            return Folded(separate(inner, self.duration, places), expression.fold)
         return separate(expression, self.duration, self.positions)
 
     def modulus(self) -> np.ndarray:
@@ -444,14 +455,13 @@ class Scene:
         return (derivative_matrix(self) @ fields.T).T
 
 
-def _formula(where, text, allowed, constants):
-    """The formula in the first set of variables that has all its own."""
-    for variables in allowed:
-        try:
-            return Expression(text, variables, constants)
-        except ValueError as error:
-            refusal = error
-    raise ValueError(f"{where}: {refusal}") from None
+def _term(key, given, expression, alike):
+    """Term of a force as a key of the configuration gives it; ``alike`` is the profile 1."""
+    if isinstance(given, dict):
+        factor = expression(f"{key}.time", given["time"], IN_T)
+        return Products((factor,), (expression(f"{key}.profile", given["profile"], IN_X),))
+    found = expression(key, given, IN_T, IN_X_AND_T)
+    return found if found.variables == IN_X_AND_T else Products((found,), (alike,))
 
 
 def force_keys(scene: Scene) -> list[str]:

@@ -7,6 +7,7 @@ import numpy as np
 
 from sphpod.numerics.error import FIELDS, project_solution
 from sphpod.pipeline.dataset import Variable
+from sphpod.reduced.pod import resolved
 from sphpod.reduced.rom import ReducedModel, solve_each
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import Dataset, Drawing, Setting, Study
@@ -28,7 +29,8 @@ def measure(
     largest : int
         Largest number of modes of either field, or all there are.
     modes : dict
-        velocity_modes, density_modes (one a row).
+        velocity_modes, density_modes (one a row); velocity_span_rounding,
+        density_span_rounding.
     sph : dict
         velocity, density (times, N).
     errors : dict
@@ -39,7 +41,8 @@ def measure(
     -------
     dict
         velocity_modes_kept (kv,), density_modes_kept (kρ,); pair_velocity_ratio and
-        pair_density_ratio (kv, kρ), infinite where the model broke down.
+        pair_density_ratio (kv, kρ), infinite where the model broke down; pair_resolved (kv, kρ),
+        whether rounding leaves the modes as they are.
     """
     rows = [modes[f"{field}_modes"][:largest] for field in FIELDS]
     projected = project_solution(sph, modes, largest)
@@ -56,9 +59,15 @@ def measure(
                     projected[field].relative_error(coordinates) / scale
                     for field, coordinates, scale in zip(FIELDS, reduced, scales, strict=True)
                 ]
+    kept = [np.arange(1, len(shapes) + 1) for shapes in rows]
+    velocity, density = (
+        resolved(counts, modes[f"{field}_span_rounding"])
+        for field, counts in zip(FIELDS, kept, strict=True)
+    )
     return {
-        "velocity_modes_kept": np.arange(1, len(rows[0]) + 1),
-        "density_modes_kept": np.arange(1, len(rows[1]) + 1),
+        "velocity_modes_kept": kept[0],
+        "density_modes_kept": kept[1],
+        "pair_resolved": np.logical_and.outer(velocity, density),
     } | {f"pair_{field}_ratio": ratios[n] for n, field in enumerate(FIELDS)}
 
 
@@ -91,11 +100,18 @@ def draw(pairs: Arrays) -> "Figure":
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-    from sphpod.figures.plotting import BLACK, GREY, HALF_WIDTH, STYLE, shortened
+    from sphpod.figures.plotting import (
+        BLACK,
+        COLUMN_WIDTH,
+        DIM,
+        GREY,
+        STYLE,
+        UNRESOLVED_LABEL,
+    )
 
     ratio = np.maximum(pairs["pair_velocity_ratio"], pairs["pair_density_ratio"])
     with matplotlib.style.context(["default", STYLE]):
-        figure = Figure(figsize=(HALF_WIDTH, 2.6), layout="constrained")
+        figure = Figure(figsize=(COLUMN_WIDTH, 2.6), layout="constrained")
         axes = figure.subplots()
         axes.set_facecolor(GREY)
         sizes = ratio[np.isfinite(ratio) & (ratio > 0)]
@@ -107,27 +123,51 @@ def draw(pairs: Arrays) -> "Figure":
         ]
         shown = np.ma.masked_invalid(np.maximum(ratio, 1 / span))
         mesh = axes.pcolormesh(*edges, shown, norm=norm, cmap="RdBu_r", rasterized=True)
+        # The pattern hangs on the page, so that neighbouring pairs have one.
+        noise = np.ma.masked_where(pairs["pair_resolved"].astype(bool), np.zeros(ratio.shape))
+        if noise.count():
+            look: dict[str, Any] = {
+                "facecolor": "none",
+                "edgecolor": DIM,
+                "hatch": "//////",
+                "linewidth": 0,
+            }
+            axes.pcolor(*edges, noise, **look)
         for row, column in np.argwhere(ratio < 1):
-            axes.plot(edges[0][column] + 0.5, edges[1][row] + 0.5, ".", color=BLACK, markersize=2)
+            dot: dict[str, Any] = {
+                "color": "white",
+                "markeredgecolor": BLACK,
+                "markeredgewidth": 0.4,
+            }
+            axes.plot(edges[0][column] + 0.5, edges[1][row] + 0.5, "o", markersize=2, **dot)
         axes.set(xlabel="density modes kρ", ylabel="velocity modes kv")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(6, integer=True, steps=(1, 2, 5, 10)))
-        cut = sizes.size > 0 and sizes.min() < 1 / span, sizes.size > 0 and sizes.max() > span
-        extend = {(True, False): "min", (False, True): "max", (True, True): "both"}
-        bar = figure.colorbar(
-            mesh, ax=axes, label="POD error / SPH error", extend=extend.get(cut, "neither")
-        )
-        bar.outline.set_linewidth(0.6)
-        # Powers of ten to both sides of one, at most three, or the ends if there is none.
-        step = int(np.ceil(np.log10(span) / 3))
-        number = int(np.log10(span) / step)
-        powers = 10.0 ** (step * np.arange(-number, number + 1))
-        ticks = powers.tolist() if number else [1 / span, 1.0, span]
-        bar.set_ticks(ticks, labels=[shortened(tick) for tick in ticks])
-        bar.minorticks_off()
-        notes = "dots: below 1" + ("" if np.isfinite(ratio).all() else "; grey: broken down")
-        axes.set_title(f"larger of v and ρ; {notes}", loc="left")
+        label = "POD error / SPH error"
+        _scale(figure.colorbar(mesh, ax=axes, label=label, extend=_cut(sizes, span)), span)
+        notes = "" if np.isfinite(ratio).all() else "; grey: broken down"
+        notes += f"\nhatched: {UNRESOLVED_LABEL}" if noise.count() else ""
+        axes.set_title(f"larger of v and ρ; dots: below 1{notes}", loc="left")
     return figure
+
+
+def _cut(sizes, span):
+    """At which ends of the colours ratios are cut."""
+    cut = sizes.size > 0 and sizes.min() < 1 / span, sizes.size > 0 and sizes.max() > span
+    return {(True, False): "min", (False, True): "max", (True, True): "both"}.get(cut, "neither")
+
+
+def _scale(bar, span):
+    """Ticks at powers of ten to both sides of one, at most three, or at the ends without any."""
+    from sphpod.figures.plotting import shortened
+
+    bar.outline.set_linewidth(0.6)
+    step = int(np.ceil(np.log10(span) / 3))
+    number = int(np.log10(span) / step)
+    powers = 10.0 ** (step * np.arange(-number, number + 1))
+    ticks = powers.tolist() if number else [1 / span, 1.0, span]
+    bar.set_ticks(ticks, labels=[shortened(tick) for tick in ticks])
+    bar.minorticks_off()
 
 
 def places(config: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -161,6 +201,12 @@ STUDY = Study(
         "largest": Setting(int, 12, ge=1, le=100, description="largest mode count of either field"),
     },
     variables={
+        "pair_resolved": Variable(
+            ("velocity_modes_kept", "density_modes_kept"),
+            "1",
+            "1 where rounding leaves the modes as they are",
+            np.int8,
+        ),
         "velocity_modes_kept": Variable(("velocity_modes_kept",), "1", "velocity modes", np.int32),
         "density_modes_kept": Variable(("density_modes_kept",), "1", "density modes", np.int32),
         "pair_velocity_ratio": Variable(

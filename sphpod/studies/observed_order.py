@@ -268,8 +268,8 @@ def draw(tables: Mapping[tuple[str, ...], Fields]) -> "Figure":
     def drawn():
         looks = stability_plots.scene_looks(tables)
         labels = list(dict.fromkeys(one for arrays in tables.values() for one in _known(arrays)))
-        height = 0.9 + 0.22 * len(labels)
-        figure = Figure(figsize=(plotting.PAGE_WIDTH, height), layout="constrained")
+        height = 1.4 + 0.25 * len(labels)
+        figure = Figure(figsize=(plotting.COLUMN_WIDTH, height), layout="constrained")
         panels = figure.subplots(1, 2, sharey=True)
         for axes, field in zip(panels, FIELDS, strict=True):
             for number, ((scene, *_), arrays) in enumerate(tables.items()):
@@ -279,14 +279,17 @@ def draw(tables: Mapping[tuple[str, ...], Fields]) -> "Figure":
                 found = [_finest(orders[label]) for label in labels if label in orders]
                 look = {**looks[scene], "linestyle": "", "label": scene.replace("_", " ")}
                 axes.plot(found, heights, **look)
-            axes.set_xlabel(f"observed order, {field}")
-            axes.xaxis.set_major_locator(MultipleLocator(1))
-            axes.grid(axis="x", color=plotting.PALE)
+            axes.set_title(field)
+            axes.set_xlabel("observed order")
+            axes.xaxis.set_major_locator(MultipleLocator(2))
+            axes.xaxis.set_minor_locator(MultipleLocator(1))
+            axes.grid(axis="x", which="both", color=plotting.PALE)
             for place in range(1, len(labels)):
                 axes.axhline(place - 0.5, color=plotting.PALE, linewidth=0.5)
-        panels[0].set_yticks(range(len(labels)), labels)
+        named = [label.replace(", ", ",\n") for label in labels]
+        panels[0].set_yticks(range(len(labels)), named)
         panels[0].set_ylim(len(labels) - 0.5, -0.5)
-        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
+        figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
         return figure
 
     return drawn()

@@ -253,8 +253,9 @@ def test_nothing_overlaps_and_no_panel_is_empty(name: str) -> None:
 @pytest.mark.parametrize("name", FIGURES)
 def test_text_has_print_size(name: str) -> None:
     figure = FIGURES[name]()
-    assert figure.get_figwidth() in (plotting.PAGE_WIDTH, plotting.HALF_WIDTH)
-    assert {text.get_fontsize() for text in visible_texts(figure)} <= {7, 8, 12}
+    assert figure.get_figwidth() == plotting.COLUMN_WIDTH
+    assert figure.get_figheight() < 9
+    assert {text.get_fontsize() for text in visible_texts(figure)} <= {6, 7, 8, 12}
 
 
 @pytest.mark.parametrize("name", ["profile", "error", "work_precision"])
@@ -373,13 +374,17 @@ def test_error_panels() -> None:
     assert (left.get_xlabel(), right.get_xlabel()) == ("mode number", "number of modes k")
     assert right.get_ylabel() == "relative L² error"
     assert len(x_of(curves(left, plotting.BLUE)[0])) == 4
-    assert [len(x_of(line)) for line in curves(left, plotting.GREY)] == [26, 26]
+    assert [len(x_of(line)) for line in curves(left, plotting.GREY)] == [
+        26,
+        26,
+        0,
+    ]  # and of the legend
     labels = right.get_legend_handles_labels()[1]
     assert labels == [
         f"{symbol}, {comparison}"
         for symbol in "vρ"
         for comparison in ("POD against SPH", "POD against reference", "SPH against reference")
-    ] + ["k = 6: POD errors below those of SPH"]
+    ] + ["k = 6: POD error below SPH's"]
     assert left.get_xticks().tolist() == [1, 10, 20, 30]
     assert right.get_xticks().tolist() == [1, 5, 10, 15, 20]
     # SPH against the reference asked for, as a level line.
@@ -396,9 +401,9 @@ def test_the_threshold_is_marked_where_both_errors_are_below_those_of_sph() -> N
     works = (found["velocity_error_sph"] < 0.06) & (found["density_error_sph"] < 4e-4)
     k = found["mode_count"][works][0]
     right = plotting.error(pod(), found, errors(), "fd").axes[1]
-    assert x_of(curves(right, plotting.DIM)[0])[0] == k
+    assert x_of(curves(right, plotting.GREEN)[0])[0] == k
     none = {**found, "density_error_sph": np.ones(20)}
-    assert not curves(plotting.error(pod(), none, errors(), "fd").axes[1], plotting.DIM)
+    assert not curves(plotting.error(pod(), none, errors(), "fd").axes[1], plotting.GREEN)
 
 
 def test_singular_values_beyond_the_thirtieth_stand_in_an_inset() -> None:
@@ -411,6 +416,31 @@ def test_singular_values_beyond_the_thirtieth_stand_in_an_inset() -> None:
     assert left.get_xlim()[1] < 32 < 80 < inset.get_xlim()[1]
     assert sum(len(x_of(line)) for line in inset.lines) == 140
     assert not plotting.error(pod(), sweep(), errors(), "fd").axes[0].child_axes
+
+
+def test_the_last_singular_value_is_grey_where_those_before_it_are() -> None:
+    """The span of all snapshots is what rounding never turns, which says nothing of the last."""
+    turned = np.where(np.arange(80) < 30, 1e-3, 0.1)
+    turned[-1] = 1e-14
+    many = pod(80, 80)
+    for field in plotting.FIELDS:
+        many |= {
+            f"{field}_span_rounding": turned,
+            f"{field}_singular_values": 0.8 ** np.arange(80),
+        }
+    left = plotting.error(many, sweep(), errors(), "fd").axes[0]
+    (inset,) = left.child_axes
+    assert isinstance(inset, Axes)
+    for colour in (plotting.BLUE, plotting.VERMILLION):
+        assert x_of(curves(inset, colour)[0])[-1] == 30
+    assert [x_of(line)[-1] for line in curves(inset, plotting.GREY)] == [80, 80]
+    # Where all are known, so is the last.
+    few = pod(3, 4)
+    blue, red = (
+        curves(plotting.error(few, sweep(4), errors(), "fd").axes[0], colour)[0]
+        for colour in (plotting.BLUE, plotting.VERMILLION)
+    )
+    assert (len(x_of(blue)), len(x_of(red))) == (3, 4)
 
 
 def test_colours_show_the_sign_in_grey_and_the_ends_have_labels() -> None:
@@ -691,14 +721,15 @@ def test_initial_spectrum() -> None:
 def test_phase_looks_at_the_nearest_particle_over_the_whole_duration() -> None:
     exact = solution()
     figure = plotting.phase(solution(samples=801), exact, exact, position=0.299, beta=1.0224)
-    upper, lower = figure.axes
-    assert (upper.get_xlim(), lower.get_xlim()) == ((0, 5), (5, 10))
+    upper, *_, lower = figure.axes
+    assert len(figure.axes) == 4
+    assert (upper.get_xlim(), lower.get_xlim()) == ((0, 2.5), (7.5, 10))
     assert upper.get_legend_handles_labels()[1] == [
         "exact solution",
         "exact, waves β = 1.0224 times as fast",
         "SPH",
     ]
-    np.testing.assert_allclose(y_of(upper.lines[0]), 1e3 * exact["velocity"][:201, 24], rtol=1e-12)
+    np.testing.assert_allclose(y_of(upper.lines[0]), 1e3 * exact["velocity"][:101, 24], rtol=1e-12)
     assert any("x = 0.3 m [10⁻³ m/s]" in text.get_text() for text in visible_texts(figure))
 
 

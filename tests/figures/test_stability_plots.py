@@ -286,9 +286,9 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 def test_nothing_overlaps_and_text_has_print_size(name: str) -> None:
     figure = FIGURES[name]()
     check_layout(figure)
-    assert figure.get_figwidth() == plotting.PAGE_WIDTH
+    assert figure.get_figwidth() == plotting.COLUMN_WIDTH
     assert figure.get_figheight() < 9
-    assert {text.get_fontsize() for text in visible_texts(figure)} <= {7, 8}
+    assert {text.get_fontsize() for text in visible_texts(figure)} <= {6, 7}
 
 
 def test_same_figure_same_bytes(tmp_path) -> None:
@@ -333,12 +333,14 @@ def test_maps_show_growth_red_and_decay_blue_with_the_limit_between() -> None:
     *panels, bar = figure.axes
     titles = [axes.get_title(loc="left") for axes in panels]
     assert titles == [
-        "full model, explicit Euler",
-        "full model, leapfrog",
-        "original POD, explicit Euler",
-        "lifted POD, explicit Euler",
+        "full model,\nexplicit Euler",
+        "original POD,\nexplicit Euler",
+        "full model,\nleapfrog",
+        "lifted POD,\nexplicit Euler",
     ]
-    assert "growth" in bar.get_ylabel()
+    assert "growth" in bar.get_xlabel()
+    # Full models stand left, reduced ones right.
+    panels = panels[::2] + panels[1::2]
     fields = [*damping["map_growth"], *modes["mode_growth"]]
     for axes, growth, x in zip(
         panels, fields, [damping["map_damping"]] * 2 + [modes["mode_count"]] * 2, strict=True
@@ -369,7 +371,7 @@ def test_maps_say_where_no_step_is_stable_and_leave_what_is_unknown_grey() -> No
     damping["map_growth"][0, 5, 6] = np.inf
     panels = stability_plots.stability_map(damping, mode_map(0)).axes
     notes = [texts(axes) for axes in panels[:4]]
-    assert notes == [[], [], ["no step is stable"], ["no step is stable"]]
+    assert notes == [[], ["no step is stable"], [], ["no step is stable"]]
     field = panels[0].collections[0].get_array()
     assert field is not None
     hidden = np.argwhere(np.ma.getmaskarray(field))
@@ -523,8 +525,8 @@ def test_share_of_random_bases_that_grow_faster() -> None:
 def test_runs_are_drawn_where_there_are_any() -> None:
     runs = stability_plots.operators(**reduced_operators()).axes[4:]
     assert [axes.get_title(loc="left") for axes in runs] == [
-        "two moduli, random modes",
-        "three harmonics, POD modes of uniform100",
+        "two moduli, random modes: energy",
+        "three harmonics, POD modes of uniform100: energy",
     ]
     for axes in runs:
         assert axes.get_yscale() == "log"
@@ -576,7 +578,7 @@ def test_no_key_is_made_of_two_names() -> None:
     drawn = [y for line in figure.axes[2].lines if line.get_marker() != "None" for y in y_of(line)]
     for table in rates.values():
         assert set(table["energy_growth_rate"].tolist()) <= set(drawn)
-    assert figure.axes[-1].get_title(loc="left") == "run, POD modes of run"
+    assert figure.axes[-1].get_title(loc="left") == "run, POD modes of run: energy"
 
 
 # --- Smoothing ------------------------------------------------------------------------------------
@@ -699,8 +701,8 @@ def test_noise_panels() -> None:
         (line,) = (line for line in noise.lines if line.get_label() == label)
         np.testing.assert_array_equal(x_of(line), snapshots["noise"])
         np.testing.assert_array_equal(y_of(line), snapshots[name])
-    assert rows(defects)[:2] == ["none, k = 8, rank 100", "too few, k = 8, rank 2"]
-    assert rows(defects)[-1] == "no snapshots, k = 8"
+    assert rows(defects)[:2] == ["none,\nk = 8, rank 100", "too few,\nk = 8, rank 2"]
+    assert rows(defects)[-1] == "no snapshots,\nk = 8"
     heights = defects.get_yticks()
     for name, column in (("noise_error", "defect_error"), ("noise_bound", "defect_bound")):
         marker = stability_plots.NOISE_CURVES[name][1]["marker"]
@@ -735,16 +737,16 @@ def test_limits_compare_every_model() -> None:
     tables = compared()
     (axes,) = stability_plots.time_steps(tables).axes
     assert rows(axes) == [
-        "SPH, explicit Euler",
+        "SPH,\nexplicit Euler",
         *(
-            f"SPH, lifted, {name}"
+            f"SPH, lifted,\n{name}"
             for name in ("explicit Euler", "symplectic Euler", "leapfrog", "RK45", "DOP853")
         ),
-        "SPH, lifted, exact in time",
-        "original POD, explicit Euler",
-        "frozen for 10 steps, explicit Euler",
-        "lifted POD, explicit Euler",
-        "lifted POD, exact in time",
+        "SPH, lifted,\nexact in time",
+        "original POD,\nexplicit Euler",
+        "frozen for 10 steps,\nexplicit Euler",
+        "lifted POD,\nexplicit Euler",
+        "lifted POD,\nexact in time",
     ]
     shown = np.concatenate([
         points(axes, look, fillstyle=style)[:, 0]

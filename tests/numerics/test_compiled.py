@@ -5,10 +5,10 @@ import re
 from numba.core.dispatcher import Dispatcher
 from scenes import VARIED, scene
 
-from sphpod.full import lifted, sph
+from sphpod.full import coefficients_in_time, lifted, sph
 from sphpod.numerics import propagator
-from sphpod.reduced import lifted_rom, pod, rom, snapshots
-from sphpod.reference import reference
+from sphpod.reduced import lifted_rom, pod, reduced_in_time, rom, snapshots
+from sphpod.reference import chain, reference
 
 SAMPLING = {"range": [0, 1], "count": 25}
 SCENES: tuple[dict, ...] = (
@@ -18,6 +18,13 @@ SCENES: tuple[dict, ...] = (
     {"smoothing_ratio": 1.7},
     {"smoothing_ratio": 3.3},
     {"youngs_modulus": "where(x < L/2, 0.1, 0.2)", "interface": "mean"},
+    {
+        "youngs_modulus": "0.1 + 0.01*sin(t + 2*pi*x/L)",
+        "damping": "1 + cos(t)*sin(2*pi*x/L)",
+        "force": ["1e-3*sin(t)", "1e-3*sin(2*pi*x/L - t)"],
+    },
+    {"force": "1e-3*exp(-((x - t/5 - 0.4)/0.05)**2)"},
+    {"force": "where(t < 0.4137, 0, 1e-3)"},
 )
 
 
@@ -30,6 +37,7 @@ def test_every_kernel_has_one_signature(monkeypatch):
         sph.solve(case, case.error_steps, "lists")
         reference.solve_paper(case)
         reference.solve_centred(case)
+        chain.solve(case)
         for integrator in lifted.INTEGRATORS:
             lifted.solve(case, integrator)
         taken = snapshots.extract(case, SAMPLING, full)
@@ -52,11 +60,20 @@ def test_every_kernel_has_one_signature(monkeypatch):
                     pass
     kernels = {
         f"{module.__name__}.{name}": kernel
-        for module in (sph, reference, rom, lifted, propagator)
+        for module in (
+            sph,
+            reference,
+            chain,
+            rom,
+            lifted,
+            propagator,
+            coefficients_in_time,
+            reduced_in_time,
+        )
         for name, kernel in vars(module).items()
         if isinstance(kernel, Dispatcher)
     }
     # A kernel that only others call has none where these come from the cache.
     assert {name for name, kernel in kernels.items() if len(kernel.signatures) > 1} == set()
     entries = [kernel for name, kernel in kernels.items() if re.search(r"\.(march|rates_of)", name)]
-    assert [len(kernel.signatures) for kernel in entries] == [1] * 11
+    assert [len(kernel.signatures) for kernel in entries] == [1] * 14

@@ -53,7 +53,7 @@ EDITS = {
     ),
     "a label of a table": ("studies/time_steps.py", '"growth_rate [1/s]"', '"growth rate [1/s]"'),
     "a caption": ("studies/smoothing.py", "What the smoothing length changes", "Smoothing lengths"),
-    "a figure": ("figures/plotting.py", "PAGE_WIDTH = ", "WIDE = PAGE_WIDTH = "),
+    "a figure": ("figures/plotting.py", "COLUMN_WIDTH = ", "WIDE = COLUMN_WIDTH = "),
     "a log's words": ("reduced/rom.py", "%d modes asked for", "%d modes are asked for"),
 }
 

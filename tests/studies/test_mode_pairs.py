@@ -40,6 +40,22 @@ def test_the_diagonal_is_the_sweep(solved):
     check_layout(mode_pairs.draw(pairs))
 
 
+def test_pairs_near_rounding_are_hatched(solved):
+    case, modes, full, _, errors = solved
+    turned = np.where(np.arange(modes["velocity_modes"].shape[0]) < 3, 0.0, 1.0)
+    modes = {**modes, "velocity_span_rounding": turned, "density_span_rounding": 0 * turned}
+    pairs = mode_pairs.measure(case, 5, modes, full, errors)
+    np.testing.assert_array_equal(pairs["pair_resolved"], np.arange(5)[:, None] < 3 + np.zeros(5))
+    figure = mode_pairs.draw(pairs)
+    hatched = [mesh for mesh in figure.axes[0].collections if mesh.get_hatch()]
+    assert [len(mesh.get_paths()) for mesh in hatched] == [10]
+    assert "hatched" in figure.axes[0].get_title(loc="left")
+    check_layout(figure)
+    pairs["pair_resolved"][:] = True
+    figure = mode_pairs.draw(pairs)
+    assert not any(mesh.get_hatch() for mesh in figure.axes[0].collections)
+
+
 def test_one_model_of_a_pair_is_that_of_the_map(solved):
     case, modes, full, known, errors = solved
     pairs = mode_pairs.measure(case, 5, modes, full, errors)
@@ -58,6 +74,7 @@ def test_the_table_gives_the_fewest_density_modes_that_work():
         "density_modes_kept": np.array([1, 2, 3]),
         "pair_velocity_ratio": np.array([[2, 2, np.inf], [2, 0.5, 0.4]]),
         "pair_density_ratio": np.array([[2, 0.5, np.inf], [0.5, 0.9, 0.4]]),
+        "pair_resolved": np.array([[1, 1, 0], [1, 1, 0]]),
     }
     rows = list(mode_pairs.rows({"scene": "a", "sampling": "b"}, arrays))
     assert [row["fewest_density_modes"] for row in rows] == [None, 2]
@@ -73,6 +90,7 @@ def test_colours_have_a_tick_at_one_and_say_where_they_are_cut() -> None:
             "density_modes_kept": np.arange(1, 3),
             "pair_velocity_ratio": ratio,
             "pair_density_ratio": ratio,
+            "pair_resolved": np.ones((2, 2)),
         }
         figure = mode_pairs.draw(pairs)
         bar = figure.axes[0].collections[0].colorbar

@@ -102,5 +102,4 @@ def test_scenes_in_which_nothing_moves_have_no_order():
 def test_nothing_overlaps(arrays):
     figure = observed_order.draw({("test",): arrays, ("another_scene",): arrays})
     check_layout(figure)
-    labels = [axes.get_xlabel() for axes in figure.axes]
-    assert labels == ["observed order, velocity", "observed order, density"]
+    assert [axes.get_title() for axes in figure.axes] == ["velocity", "density"]

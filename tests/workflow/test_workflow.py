@@ -227,7 +227,7 @@ def test_words_make_nothing_anew(built, module, old, new):
 
 def test_a_plot_makes_only_figures_anew(built):
     with edited(
-        built / "sphpod" / "figures" / "plotting.py", "\nPAGE_WIDTH = ", "\nPAGE_WIDTH = 0.5 * "
+        built / "sphpod" / "figures" / "plotting.py", "\nCOLUMN_WIDTH = ", "\nCOLUMN_WIDTH = 0.5 * "
     ):
         assert planned(built) == {"figure"}
     with edited(built / "sphpod/figures/style.mplstyle", "font.size: ", "font.size: 1"):
@@ -618,6 +618,19 @@ def test_modes_are_chosen_by_tolerance(benchmarked):
     assert "certified" in log.read_text()
 
 
+def test_models_of_other_numbers_of_modes_for_velocity_than_for_density_are_targets(built):
+    for method in ("linearized", "frozen2"):
+        target = f"small/results/waves/uniform10/{method}/k3+5.nc"
+        run = snakemake(built, "--", target)
+        assert run.returncode == 0, run.stderr
+        with xr.open_dataset(built / target) as file:
+            assert (file["velocity_mode_count"], file["density_mode_count"]) == (3, 5)
+            assert file["velocity_coordinates"].shape[1] == 3
+            assert file["density_coordinates"].shape[1] == 5
+            assert file["velocity_error_sph"] < 1
+        (built / target).unlink()
+
+
 def test_a_pulse_between_outputs_is_in_every_file(tmp_path):
     """Against the closed form of the one mode that it drives."""
     folder = copy_of_project(tmp_path)
@@ -693,6 +706,18 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
         (["--", "small/results/waves/uniform10/original/k5-3.nc"], "scene waves: modes = 5-3: "),
         (["--", "small/results/waves/uniform10/original/k999.nc"], "scene waves: modes = 999: "),
         (["--", "small/results/waves/uniform10/frozen0/k2.nc"], "scene waves: method = frozen0: "),
+        (
+            ["--", "small/results/waves/uniform10/lifted_exact/k3+5.nc"],
+            "scene waves: modes = 3+5: lifted models have one number of modes",
+        ),
+        (
+            ["--", "small/results/waves/uniform10/original/k11+5.nc"],
+            "scene waves: modes = 11+5: more velocity modes than there are",
+        ),
+        (
+            ["--", "small/results/waves/uniform10/frozen2/k3+11.nc"],
+            "scene waves: modes = 3+11: more density modes than there are",
+        ),
         (
             ["--", "small/results/graded/reference_exact.nc"],
             "scene graded: reference = exact: allowed",
