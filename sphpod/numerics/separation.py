@@ -112,7 +112,8 @@ class Everywhere:
     def profiles(self, x: np.ndarray) -> np.ndarray:
         """p_r at places [m], shape (r, places)."""
         count = self.places.size
-        closed = self.places[-1] >= self.length
+        # The last place of a bar is L but for rounding.
+        closed = self.places[-1] > (1 - 1e-12) * self.length
         nodes = self.places if closed else np.append(self.places, self.length)
         at = np.interp(x, nodes, np.arange(nodes.size))
         below = np.floor(at).astype(int)

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.numerics.expressions import Expression
+from sphpod.numerics.separation import Everywhere, Folded, Interpolated, Products
 
 KINDS = ("fixed", "free")
 """What an end may be."""
@@ -156,6 +157,16 @@ class Mirrored(Expression):
         """As that of the bar at the places that these are images of, times their signs."""
         places, signs = self.fold(np.asarray(arrays["x"], np.float64))
         return super().__call__(**{**arrays, "x": places}) * signs
+
+    def of_line(self, parts: Products | Interpolated | Everywhere) -> Products | Folded:
+        """On all of the line, a sum of products that this expression in x and t is in the bar."""
+        if not isinstance(parts, Products):
+            return Folded(parts, self.fold)
+        one = Expression(1, ("x",))
+        shapes = (
+            Mirrored(shape or one, self.ends, self.spacing, self.odd) for shape in parts.shapes
+        )
+        return Products(parts.factors, tuple(shapes))
 
     def shifted(self, by: float) -> "Mirrored":
         """That of the bar which gives at t what this one gives at t + ``by``."""

@@ -15,7 +15,7 @@ import numpy as np
 from sphpod.numerics.course import Course
 from sphpod.numerics.error import blocks
 from sphpod.numerics.expressions import Expression
-from sphpod.numerics.separation import Folded, Products, Separated, instants, separate
+from sphpod.numerics.separation import Products, Separated, instants, separate
 from sphpod.scene.ends import MATERIAL, VELOCITY, Ends, Mirrored
 from sphpod.scene.kernel import derivative, neighbour_lists, stencil_weights
 
@@ -352,7 +352,7 @@ class Scene:
         """A function of x and t as a sum of products, at the particles."""
         if isinstance(expression, Mirrored):
             inner, places = expression.expression, self.positions[: self.bar_count]
-            return Folded(separate(inner, self.duration, places), expression.fold)
+            return expression.of_line(separate(inner, self.duration, places))
         return separate(expression, self.duration, self.positions)
 
     def modulus(self) -> np.ndarray:
