@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from sphpod.numerics.expressions import Expression
-from sphpod.surveys.separation import separate
+from sphpod.surveys.terms import separate
 
 Sample = Callable[[Callable[..., np.ndarray]], np.ndarray]
 """Values of a function of x as the particles have them."""

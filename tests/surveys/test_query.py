@@ -78,7 +78,7 @@ def test_the_bound_holds_and_energy_does_not_grow(surveys, case, shares, count) 
     error = np.linalg.norm(ours - full, axis=1)
     assert np.all(error <= answer.bound + 1e-11 * size)
     assert error.max() <= answer.relative_bound * size * (1 + 1e-9) + 1e-11 * size
-    if scene.force_time is None:
+    if not scene.forces:
         energy = answer.norms**2
         assert np.all(np.diff(energy) <= 1e-12 * energy.max())
     np.testing.assert_allclose(answer.norms, np.linalg.norm(ours, axis=1), rtol=1e-9)

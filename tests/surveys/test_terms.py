@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sphpod.surveys.fields import ParametricField, at_particles
-from sphpod.surveys.separation import separate
+from sphpod.surveys.terms import separate
 
 PLACES = np.arange(20) / 20
 
