@@ -9,9 +9,9 @@ from matplotlib.figure import Figure
 from sphpod.figures.plotting import (
     BLACK,
     BLUE,
+    COLUMN_WIDTH,
     GREEN,
     GREY,
-    PAGE_WIDTH,
     SKY,
     VERMILLION,
     Arrays,
@@ -41,7 +41,7 @@ def responses(answers: Arrays, parameters: Ranges, quantities: Mapping[str, str]
         Label of each quantity that is shown.
     """
     rows, columns = len(quantities), len(parameters)
-    figure = Figure(figsize=(PAGE_WIDTH, 0.5 + PANEL * rows), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH, 0.5 + PANEL * rows), layout="constrained")
     panels = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="row")
     shown = np.unique(np.linspace(0, answers["certified"].size - 1, MOST_DOTS).astype(int))
     for row, (name, label) in zip(panels, quantities.items(), strict=True):
@@ -61,7 +61,7 @@ def responses(answers: Arrays, parameters: Ranges, quantities: Mapping[str, str]
 @styled
 def histograms(answers: Arrays, quantities: Mapping[str, str]) -> Figure:
     """How each quantity is distributed over the queries, with the 5, 50 and 95 % quantiles."""
-    figure = Figure(figsize=(PAGE_WIDTH, 0.3 + PANEL * len(quantities)), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH, 0.3 + PANEL * len(quantities)), layout="constrained")
     panels = np.atleast_1d(figure.subplots(len(quantities), 1))
     for axes, (name, label) in zip(panels, quantities.items(), strict=True):
         known = answers[name][np.isfinite(answers[name])]
@@ -77,7 +77,7 @@ def histograms(answers: Arrays, quantities: Mapping[str, str]) -> Figure:
 def indices(indices: Arrays) -> Figure:
     """First and total Sobol indices of each quantity, with their 95 % intervals."""
     names, parameters = indices["quantity"], indices["parameter"]
-    figure = Figure(figsize=(PAGE_WIDTH, 0.5 + PANEL), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH, 0.5 + PANEL), layout="constrained")
     panels = np.atleast_1d(figure.subplots(1, len(names), sharey=True))
     places = np.arange(len(parameters))
     for n, (axes, name) in enumerate(zip(panels, names, strict=True)):
@@ -99,7 +99,7 @@ def errors(validation: Arrays, tolerance: float) -> Figure:
     """True error, estimate and bound of queries that were solved in full, by rising error."""
     order = np.argsort(validation["true_error"])
     number = np.arange(1, order.size + 1)
-    figure = Figure(figsize=(PAGE_WIDTH, 2.4), layout="constrained")
+    figure = Figure(figsize=(COLUMN_WIDTH, 2.4), layout="constrained")
     axes = figure.subplots()
     kinds: Sequence[tuple[str, str, str, str]] = (
         ("true_error", "true error", BLACK, "o"),
@@ -113,5 +113,5 @@ def errors(validation: Arrays, tolerance: float) -> Figure:
     axes.set_yscale("log")
     axes.set_xlabel("random query, by rising true error")
     axes.set_ylabel("energy norm of the error")
-    figure.legend(loc="outside upper center", ncols=4)
+    figure.legend(loc="outside upper center", ncols=2)
     return figure
