@@ -48,13 +48,23 @@ def responses(answers: Arrays, parameters: Ranges, quantities: Mapping[str, str]
         for axes, (parameter, given) in zip(row, parameters.items(), strict=True):
             x, y = answers[parameter][shown], answers[name][shown]
             certified = answers["certified"][shown] == 1
-            for which, color in ((~certified, GREY), (certified, BLUE)):
-                axes.plot(x[which], y[which], ".", color=color, markersize=2, rasterized=True)
+            for which, color, label in (
+                (~certified, GREY, "not certified"),
+                (certified, BLUE, "certified"),
+            ):
+                axes.plot(
+                    x[which], y[which], ".", color=color, markersize=2, rasterized=True, label=label
+                )
             if given.get("scale") == "logarithmic":
                 axes.set_xscale("log")
+                ends = given["range"]
+                axes.set_xticks(ends, labels=[f"{end:g}" for end in ends])
+                axes.minorticks_off()
         row[0].set_ylabel(label)
     for axes, parameter in zip(panels[-1], parameters, strict=True):
         axes.set_xlabel(parameter)
+    handles, labels = panels[0, 0].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=2, markerscale=3)
     return figure
 
 
