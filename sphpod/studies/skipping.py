@@ -15,7 +15,7 @@ from sphpod.numerics.expressions import Expression
 from sphpod.numerics.separation import Products
 from sphpod.reduced import lifted_rom
 from sphpod.reference import exact, reference
-from sphpod.scene.scene import Scene
+from sphpod.scene.scene import IN_X_AND_T, Scene
 from sphpod.studies import timing
 from sphpod.studies.scaling import PLAIN, waves
 from sphpod.studies.study import Dataset, Study, step_scene
@@ -89,6 +89,9 @@ def _pairs(scene: Scene) -> list[Pair]:
     settings = {name: getattr(scene, name) for name in scene.__dataclass_fields__}
     nothing = Products((Expression("0*t", ("t",), {}),), (None,))
     forced = replace(scene, forces=(nothing,))
+    modulus = scene.youngs_modulus
+    in_time = Expression(f"({modulus.text}) + 0*t", IN_X_AND_T, modulus.constants)
+    stepped = replace(scene, youngs_modulus=in_time)
     undamped, varied = Undamped(**settings), Varied(**settings)
     kept = np.zeros((2, scene.error_times.size, scene.particle_count))
     last = np.array([0, scene.step_count])
@@ -120,6 +123,8 @@ def _pairs(scene: Scene) -> list[Pair]:
         Pair("force", "lifted_exact, k = 12", jumping(scene), jumping(forced)),
         Pair("damping", "full SPH", plain, full(undamped)),
         Pair("varying modulus", "lifted full model", strained(scene), strained(varied)),
+        Pair("modulus in time", "full SPH", plain, full(stepped)),
+        Pair("modulus in time", "lifted full model", strained(scene), strained(stepped)),
         Pair("nonlinearity", "full SPH", strained(scene), plain),
         Pair("neighbour search", "full SPH", found("stencil"), found("lists")),
         Pair("outputs nobody asked for", "full SPH", full(scene, last, fields=ends), plain),
