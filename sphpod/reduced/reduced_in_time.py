@@ -33,6 +33,7 @@ import numpy as np
 from sphpod.full import coefficients_in_time as in_time
 from sphpod.full import lifted
 from sphpod.numerics.compiled import compiled
+from sphpod.numerics.course import spans
 from sphpod.numerics.error import blocks
 from sphpod.numerics.separation import instants
 from sphpod.scene.scene import Scene
@@ -44,6 +45,9 @@ MATRIX_VALUES = 2**22
 
 GRID = 0.25
 """Angle [rad] of the model's fastest wave that times of the bound's grid are apart."""
+
+PIECES = 8
+"""Least number of steps of that grid in a piece on which a function of time is a polynomial."""
 
 MOST_TIMES = 2**16
 """Times of the bound's grid, at most."""
@@ -113,7 +117,10 @@ class Terms:
         count, kv, ke = coupling.shape
         result = np.zeros((count, kv + ke, kv + ke))
         result[:, :kv, kv:] = coupling
-        if ke:
+        if self.scene.changing("youngs_modulus") is None:
+            # The modes are orthonormal in this very energy.
+            result[:, kv:, :kv] = -coupling.transpose(0, 2, 1)
+        elif ke:
             metric = np.tensordot(stiffening, self.metric, axes=1)
             result[:, kv:, :kv] = -np.linalg.solve(metric, coupling.transpose(0, 2, 1))
         if len(self.damping):
@@ -186,11 +193,16 @@ class Steps:
                 matrices = self.terms.operators(starts[some]) * weights
                 pushes = self.terms.pushes(starts[some]) * weights[:, 0]
             else:
-                matrices = self._means(self.terms.operators, starts[some], lengths[some])
+                matrices = self._operators(starts[some], lengths[some])
                 pushes = self._means(self.terms.pushes, starts[some], lengths[some])
             halves = 1 if self.euler else 2
             row = march(now, matrices, pushes, (first, halves, terms), done, row, state)
             first = some.stop
+
+    def _operators(self, starts, lengths):
+        if not self.terms.scene.is_steady:
+            return self._means(self.terms.operators, starts, lengths)
+        return np.repeat(lengths / 2, 2)[:, None, None] * self.terms.operators(starts[:1])
 
     def _means(self, functions, starts, lengths):
         def flat(times):
@@ -282,10 +294,8 @@ def error_bounds(prepared: Any) -> np.ndarray:
         )  # fmt: skip
         return np.full(scene.error_times.size, np.inf)
     terms = Terms.of(model)
-    outputs = scene.error_times.size
-    parts = int(np.ceil(terms.fastest * scene.error_interval / GRID))
-    parts = max(1, min(parts, MOST_TIMES // outputs)) * 2
-    interval = scene.error_interval / parts
+    stride, parts = _grid(scene, terms.fastest)
+    interval = scene.error_interval * stride / parts
     fine = replace(
         model, scene=replace(scene, error_interval=interval, time_step=interval)
     ).prepare("lifted_exact")
@@ -311,7 +321,25 @@ def error_bounds(prepared: Any) -> np.ndarray:
         for course, profile in zip(scene.courses(), profiles, strict=True)
     )
     bound = fine_bound + np.abs(fine_bound - coarse) + np.exp(grown[::2]) * left
-    return bound[:: parts // 2]
+    # It never falls: of an output between two times of the grid it is that of the later one.
+    later = -(-np.arange(scene.error_times.size) * parts // (2 * stride))
+    return np.maximum.accumulate(bound)[later]
+
+
+def _grid(scene, fastest):
+    """How many output intervals are cut into how many steps of the bound's grid, an even number.
+
+    Steps resolve the model's fastest wave, and the pieces on which force and coefficients are
+    polynomials, as far as `MOST_TIMES` allow.
+    """
+    pieces = min((part.shortest for part in spans(in_time.courses_of(scene), scene.duration)))
+    longest = min(GRID / fastest if fastest > 0 else np.inf, pieces / PIECES)
+    intervals = scene.error_times.size - 1
+    ratio = longest / scene.error_interval
+    if ratio >= 1:
+        stride = next(n for n in range(int(min(ratio, intervals)), 0, -1) if intervals % n == 0)
+        return stride, 2
+    return 1, 2 * max(1, min(int(np.ceil(1 / ratio)), MOST_TIMES // (intervals + 1)))
 
 
 def _sum_of(sizes, grown, times):
