@@ -332,7 +332,7 @@ def _grid(scene, fastest):
     Steps resolve the model's fastest wave, and the pieces on which force and coefficients are
     polynomials, as far as `MOST_TIMES` allow.
     """
-    pieces = min((part.shortest for part in spans(in_time.courses_of(scene), scene.duration)))
+    pieces = min(part.shortest for part in spans(in_time.courses_of(scene), scene.duration))
     longest = min(GRID / fastest if fastest > 0 else np.inf, pieces / PIECES)
     intervals = scene.error_times.size - 1
     ratio = longest / scene.error_interval
