@@ -1,4 +1,4 @@
-"""What is said of a target that nothing makes: what is made in its place, and what has a near name."""
+"""What is said of a target that nothing makes: what is made in its place, and near names."""
 
 import difflib
 import re

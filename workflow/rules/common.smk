@@ -417,6 +417,8 @@ def inputs_of(data):
 
     def inputs(wildcards):
         known("scene", wildcards.scene, scenes_of(data))
+        if data.only_asked:
+            known("scene", wildcards.scene, [place[0] for place in data.places(CONFIG)])
         if data.of_sampling:
             known_sampling(wildcards)
         if data.of_modes:
