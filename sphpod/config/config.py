@@ -136,12 +136,12 @@ def check_modes(
     settings = config["scenes"][scene]
     if sampling not in settings["samplings"]:
         raise refusal(scene, "sampling", sampling, known_names("sampling", settings["samplings"]))
+    if method and not method.startswith("lifted"):
+        check_ends(scene, settings)
     if pair := parse_pair(modes):
         _check_pair(scene, sampling, settings, modes, pair, method)
         return
     split = method.startswith("lifted") and scenes.Scene.from_settings(scene, settings).translates
-    if method and not method.startswith("lifted"):
-        check_ends(scene, settings)
     check_count(scene, sampling, settings, "modes", modes, int(split))
 
 

@@ -33,7 +33,7 @@ from sphpod.reduced.rom import ReducedModel
 from sphpod.reduced.snapshots import output_steps, sampling_steps
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
-from sphpod.studies.study import Dataset, Drawing, Study
+from sphpod.studies.study import STEADY, Dataset, Drawing, Study
 
 FULL = ("sph", "lifted_full")
 REDUCED = ("original", "linearized", "frozen10", *lifted_rom.METHODS)
@@ -274,6 +274,7 @@ STUDY = Study(
                 "mode_count": "largest_mode_count",
                 "count": "stability.amplitude_count",
             },
+            needs=STEADY,
             places=lambda config: config["stability"]["amplitude"].items(),
         )
     },

@@ -10,7 +10,7 @@ from sphpod.pipeline.dataset import Variable
 from sphpod.reduced.pod import resolved
 from sphpod.reduced.rom import ReducedModel, solve_each
 from sphpod.scene.scene import Scene
-from sphpod.studies.study import Dataset, Drawing, Setting, Study
+from sphpod.studies.study import WITHOUT_FREE_ENDS, Dataset, Drawing, Setting, Study
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -184,6 +184,7 @@ STUDY = Study(
             of_sampling=True,
             reads={"modes": "pod.nc", "sph": "../sph.nc", "errors": "../errors.nc"},
             arguments={"largest": "studies.mode_pairs.largest"},
+            needs=WITHOUT_FREE_ENDS,
             places=places,
         )
     },

@@ -25,7 +25,7 @@ from sphpod.reduced import lifted_rom
 from sphpod.reduced.lifted_rom import LiftedModel
 from sphpod.reduced.rom import ReducedModel, modes_resolved
 from sphpod.scene.scene import Scene
-from sphpod.studies.study import UNDAMPED, Dataset, Drawing, Study, sampled, scenes
+from sphpod.studies.study import RUN, WITHOUT_FREE_ENDS, Dataset, Drawing, Study, sampled, scenes
 
 RANDOM_MODES = 20
 """Largest number of modes of a random basis, of velocity and of density each."""
@@ -363,6 +363,7 @@ STUDY = Study(
                 "snapshots": "snapshots.nc",
             },
             arguments={"mode_counts": "all_mode_counts"},
+            needs=WITHOUT_FREE_ENDS,
             places=sampled,
         ),
         "random_bases": Dataset(
@@ -375,7 +376,7 @@ STUDY = Study(
             compute="studies.operators.example",
             message="{scene}: a run of random modes that grows",
             arguments={"seed": lambda scene, setting: 0},
-            needs=UNDAMPED,
+            needs=RUN,
             places=lambda config: _runs(config, "random_run", "scene"),
         ),
         "long_run": Dataset(
@@ -390,7 +391,7 @@ STUDY = Study(
                     max(setting("stability.horizon_factors")) * scene.duration
                 ),
             },
-            needs=UNDAMPED,
+            needs=RUN,
             places=lambda config: _runs(config, "long_run", "scene", "sampling", "mode_count"),
         ),
     },

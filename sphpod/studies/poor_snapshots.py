@@ -19,7 +19,7 @@ from sphpod.reduced import error_bound, lifted_rom, pod
 from sphpod.reduced.rom import ReducedModel
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
-from sphpod.studies.study import Dataset, Drawing, Study
+from sphpod.studies.study import STEADY, Dataset, Drawing, Study
 
 Arrays = Mapping[str, np.ndarray]
 
@@ -287,6 +287,7 @@ STUDY = Study(
                 "mode_count": "largest_mode_count",
                 "seed": lambda scene, setting: 0,
             },
+            needs=STEADY,
             places=lambda config: config["stability"]["poor_snapshots"].items(),
         )
     },

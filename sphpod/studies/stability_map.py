@@ -15,7 +15,7 @@ from sphpod.reduced import lifted_rom
 from sphpod.scene.scene import Scene
 from sphpod.scene.waves import fastest_wave
 from sphpod.stability.spectrum import euler_limits, frequencies, splitting_limit, wave_rates
-from sphpod.studies.study import Dataset, Drawing, Study
+from sphpod.studies.study import STEADY, Dataset, Drawing, Study
 from sphpod.studies.time_steps import (
     SEED,
     Arrays,
@@ -152,6 +152,7 @@ STUDY = Study(
         "damping_map": Dataset(
             compute="studies.stability_map.of_damping",
             message="{scene}: stability against damping and time step",
+            needs=STEADY,
         ),
         "mode_map": Dataset(
             compute="studies.stability_map.of_modes",
@@ -159,6 +160,7 @@ STUDY = Study(
             of_sampling=True,
             reads={"modes": "pod.nc", "energy_modes": "lifted_pod.nc"},
             arguments={"mode_counts": "all_mode_counts"},
+            needs=STEADY,
         ),
     },
     drawing=Drawing(

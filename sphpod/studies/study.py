@@ -34,6 +34,24 @@ Need = tuple[Callable[[Scene], bool], str]
 UNDAMPED: Need = attrgetter("is_conservative"), "without damping and force"
 """A scene of which theory predicts the growth wave by wave."""
 
+
+def _without_free_ends(scene):
+    return scene.ends is None or not scene.ends.is_free
+
+
+WITHOUT_FREE_ENDS: Need = _without_free_ends, "without free ends"
+"""A scene that the paper's models know."""
+
+STEADY: Need = (
+    lambda scene: scene.is_steady and _without_free_ends(scene),
+    "without free ends, of which neither youngs_modulus nor damping names t",
+)
+
+RUN: Need = (
+    lambda scene: scene.is_conservative and _without_free_ends(scene),
+    "without damping and force, and without free ends",
+)
+
 EVEN: Need = attrgetter("is_even"), "with evenly spaced particles"
 
 
@@ -59,6 +77,8 @@ class Dataset:
         Whether nothing may run beside it, as it measures times or machines.
     places : callable
         Places that the study asks for, of a resolved configuration; a path may ask for others.
+    only_asked : bool
+        Whether there is none of other scenes than those of its places.
     own_scenes : str
         Where in the configuration its scenes are, if they are not those of the paper's study.
     """
@@ -72,6 +92,7 @@ class Dataset:
     needs: Need | tuple[()] = ()
     alone: bool = False
     places: Callable[[Mapping[str, Any]], Iterable[Place]] = lambda config: ()
+    only_asked: bool = False
     own_scenes: str = ""
 
 

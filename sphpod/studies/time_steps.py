@@ -26,7 +26,7 @@ from sphpod.stability.spectrum import (
     euler_limits,
     neutral,
 )
-from sphpod.studies.study import Dataset, Drawing, Study, samplings, scenes
+from sphpod.studies.study import WITHOUT_FREE_ENDS, Dataset, Drawing, Study, samplings, scenes
 
 Arrays = dict[str, np.ndarray]
 
@@ -479,6 +479,7 @@ STUDY = Study(
             of_sampling=True,
             reads={"modes": "pod.nc", "energy_modes": "lifted_pod.nc"},
             arguments={"mode_counts": "mode_counts"},
+            needs=WITHOUT_FREE_ENDS,
             places=partial(samplings, first=True),
         ),
     },

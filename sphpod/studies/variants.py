@@ -91,6 +91,7 @@ STUDY = Study(
             message="{scene}: errors of full SPH in variants of it",
             arguments={"runs": lambda scene, setting: setting("studies.variants.runs")[scene.name]},
             places=lambda config: [(name,) for name in config["studies"]["variants"]["runs"]],
+            only_asked=True,
         )
     },
     tables={"variants": ("studies.variants.rows", "variants")},

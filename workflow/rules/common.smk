@@ -1,6 +1,5 @@
 """The configuration, and what the rules ask of it."""
 
-import difflib
 import functools
 import hashlib
 import operator
@@ -16,7 +15,7 @@ from snakemake.io import strip_wildcard_constraints
 
 from sphpod.paper import claims, paper, summary
 from sphpod.reference import exact
-from sphpod.pipeline import provenance
+from sphpod.pipeline import provenance, targets
 from sphpod.reduced import snapshots
 from sphpod.config.config import (
     ConfigError,
@@ -418,6 +417,8 @@ def inputs_of(data):
 
     def inputs(wildcards):
         known("scene", wildcards.scene, scenes_of(data))
+        if data.only_asked:
+            known("scene", wildcards.scene, [place[0] for place in data.places(CONFIG)])
         if data.of_sampling:
             known_sampling(wildcards)
         if data.of_modes:
@@ -444,44 +445,63 @@ def inputs_of(data):
 
 def known(what, name, names):
     if name not in names:
-        near = difflib.get_close_matches(name, names, n=1)
-        meant = f"did you mean {near[0]}? " if near else ""
-        allowed = f"allowed are {', '.join(names)}" if names else "there is none"
-        stop(f"{what} = {name}: {meant}{allowed}")
+        stop(targets.choice(what, name, names))
     return []
 
 
-def files_made(*folders):
-    """Names of the files that the rules so far make in folders such as {scene}, {sampling}."""
-    parent = OUTPUT.joinpath("results", *folders)
-    made = [
-        Path(strip_wildcard_constraints(file)) for each in workflow.rules for file in each.output
-    ]
-    names = {path.name for path in made if path.parent == parent} - {"{file}"}
-    for name, tables in (("{table}.csv", TABLES), ("{table}.html", PAGES)):
-        if name in names:
-            names = names - {name} | {name.format(table=table) for table in tables}
-    return sorted(names)
+def written_out(file):
+    """Paths below the output of what a rule makes, one for each table or figure that there is."""
+    path = Path(strip_wildcard_constraints(file)).relative_to(OUTPUT).as_posix()
+    in_survey = path.startswith("results/surveys/")
+    for wildcard, names in (
+        ("{drawing}", SURVEY_FIGURES),
+        ("{table}.csv", SURVEY_TABLES if in_survey else TABLES),
+        ("{table}.html", PAGES),
+        ("figures/{name}", ALL_FIGURES),
+    ):
+        if wildcard in path:
+            word = wildcard[wildcard.index("{") : wildcard.index("}") + 1]
+            return [path.replace(word, name) for name in names]
+    return [path]
 
 
-def other_than(names):
-    """Pattern of a file that is none of these, whose names may hold wildcards."""
-    patterns = (re.sub(r"\\{\w+\\}", "[^/]+", re.escape(name)) for name in names)
-    return f"(?!({'|'.join(patterns)})$)[^/]+"
+def names_of(wildcard, place):
+    """Names that a wildcard of a path may stand for, beside those of earlier ones."""
+    samplings = SCENES.get(place.get("scene"), {}).get("samplings", {})
+    return {"scene": SCENES, "sampling": samplings, "survey": SURVEYS}.get(wildcard)
 
 
-def unknown(wildcards, *parents):
-    """Input of a file that nothing makes, which says what is made in its place or one folder below."""
-    *folders, file = wildcards
-    if folders:
-        known_scene(wildcards)
-    if len(folders) > 1:
-        known_sampling(wildcards)
-    below = Path("results", *folders)
-    deeper = ["{scene}", "{sampling}"][: len(parents) + 1]
-    if len(deeper) > len(parents) and file in files_made(*deeper):
-        stop(f"file = {below / file}: there is one in each {below / deeper[-1]}")
-    return known(f"{below}: file", file, files_made(*parents))
+def makers():
+    """Rules that make what they are asked for."""
+    return [each for each in workflow.rules if each.name != "unknown"]
+
+
+def unknown(wildcards):
+    """Input of a target that no rule makes, which says what is made in its place."""
+    made = [path for each in makers() for file in each.output for path in written_out(file)]
+    target = os.path.relpath(wildcards.target)
+    if OUTPUT.is_absolute():
+        target = os.path.abspath(target)
+    stop(targets.refusal(target, list(dict.fromkeys(made)), str(OUTPUT), TARGETS, names_of))
+
+
+def made_by_none():
+    """Pattern of paths that no rule makes: below the output, bare names, and where no folder is.
+
+    In other folders that are there files may be somebody's own.
+    """
+
+    def either(paths):
+        # Braces would be those of a wildcard.
+        return "|".join(re.sub(r"\\?[{}]", ".", re.escape(path)) for path in paths)
+
+    tops = [Path(top) for top in ("results", "figures")]
+    own = [*tops, *(OUTPUT / top for top in tops), *((OUTPUT / top).absolute() for top in tops)]
+    own += [OUTPUT] if OUTPUT.parts else []
+    folders = [name for name in os.listdir() if os.path.isdir(name)]
+    made = [file.regex().pattern for each in makers() for file in each.output]
+    elsewhere = f"(?![/.~])(?!({either(TARGETS)})$)(?!({either(folders)})/)[^:]+"
+    return f"{targets.unlike(made)}((({either(map(str, own))})/.+)|{elsewhere})"
 
 
 def known_scene(wildcards):

@@ -39,8 +39,7 @@ def hand_over(store, path, known, given=None, root=None, made=None):
 
 
 def is_asked_for(path, scenes):
-    makers = [each for each in workflow.rules if not each.name.startswith("unknown_")]
-    producers = (each.is_producer(str(OUTPUT / "results" / path)) for each in makers)
+    producers = (each.is_producer(str(OUTPUT / "results" / path)) for each in makers())
     return path.parts[0] in scenes and any(producers)
 
 
