@@ -279,9 +279,11 @@ class Survey:
         """
         whole, *parts = self.model(values)
         query = whole.leading(self.count)
-        state, richer = query.solve(), whole.solve()
-        coordinates = query.coordinates(state)
-        difference = _difference(coordinates, whole.coordinates(richer))
+        coordinates = query.coordinates(query.solve())
+        # A model that is compared with itself is told nothing of its error.
+        difference = np.full(self._times.size, np.nan)
+        if len(whole.start) > len(query.start):
+            difference = _difference(coordinates, whole.coordinates(whole.solve()))
         bound, start_norm, force_norm = self._bound(query, parts)
         found = Answer(query, coordinates, bound, start_norm, difference, force_norm)
         if found.relative_bound <= self.tolerance or len(whole.start) == len(query.start):
@@ -311,7 +313,8 @@ class Answer:
     start_norm : float
         Energy norm at t = 0.
     difference : array, shape (times,)
-        Energy norm of the difference to the model of all modes, which estimates the error.
+        Energy norm of the difference to the model of all modes, which estimates the error; NaN
+        where there are no further modes.
     force_norm : float
         Energy norm of the force's profile.
     """
@@ -336,9 +339,14 @@ class Answer:
 
     @property
     def relative_bound(self) -> float:
-        """Bound of the largest error over time, of the largest norm of the full model."""
-        largest = self.largest_norm
-        return float(self.bound.max() / largest) if largest > 0 else float(self.bound.max() > 0)
+        """Bound of the largest error over time, of the largest norm of the full model.
+
+        Infinite where the full model may be at rest for all that is known.
+        """
+        largest, bound = self.largest_norm, float(self.bound.max())
+        if largest > 0:
+            return bound / largest
+        return np.inf if bound > 0 else 0.0
 
     @property
     def estimate(self) -> float:
