@@ -22,8 +22,16 @@ LARGEST_COUNT = 10**7
 OUTPUTS = 100
 """Intervals between the outputs of a survey that says nothing else."""
 
-TAKEN = ("t", "relative_bound", "relative_estimate", "certified", "reason", "query")
+TAKEN = (
+    *("t", "relative_bound", "relative_estimate", "certified", "reason", "query"),
+    *("true_error", "effectivity", "inside", "quantity", "parameter"),
+    *(f"{kind}_index{end}" for kind in ("first", "total") for end in ("", "_low", "_high")),
+    *("velocity_modes", "stress_modes", "translation", "mode_count", "training_points"),
+)
 """Names in the results of a survey."""
+
+TAKEN_FROM_PARAMETERS = (*TAKEN, "velocity", "strain", "point", "extrapolate")
+"""Names that no parameter of a survey has: those, of its training runs, and of calls to it."""
 
 CHECKED = 64
 """Points within the ranges at which the scene is checked, beside their corners."""
@@ -233,6 +241,13 @@ def _resolved(name, survey, scenes):
     if resolved["sobol_samples"] & (resolved["sobol_samples"] - 1):
         allowed = "it must be a power of two, or 0"
         raise refusal(None, f"{key}.sobol_samples", resolved["sobol_samples"], allowed)
+    for word, given in settings["parameters"].items():
+        if word in TAKEN_FROM_PARAMETERS:
+            others = ", ".join(TAKEN_FROM_PARAMETERS)
+            allowed = (
+                f"this name is taken in the results of {key}; allowed are others than {others}"
+            )
+            raise refusal(survey["scene"], f"parameters.{word}", given, allowed)
     _check_queries(key, resolved["queries"], settings["parameters"])
     scene = Scene.from_settings(survey["scene"], settings)
     _check_scene(scene, settings)

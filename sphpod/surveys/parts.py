@@ -128,6 +128,19 @@ class Operators:
         return self.damping is None or self.damping.is_even
 
     @cached_property
+    def _damping_signs(self):
+        """Of each term of the damping, its sign if it has one everywhere, else NaN."""
+        assert self.damping is not None
+        assert self.damping.profiles is not None
+        profiles = self.damping.profiles
+        low, high = profiles.min(axis=1), profiles.max(axis=1)
+        return np.where(low >= 0, 1.0, np.where(high <= 0, -1.0, np.nan))
+
+    def _damping_stays(self, factors):
+        """Whether no term of the damping is negative anywhere, whatever the particles are."""
+        return bool(np.all((factors * self._damping_signs >= 0) | (factors == 0)))
+
+    @cached_property
     def _velocity(self) -> VelocityPart:
         def profiles(field):
             return self._none if field is None else field.profiles
@@ -155,10 +168,13 @@ class Operators:
         if self.is_affine[0]:
             factors = [np.zeros(0) if f is None else f.factors(values) for f in fields]
             scale = _positive("initial_density", self.density.scale(values))
+            if self.damping is not None and not self._damping_stays(factors[0]):
+                _not_negative("damping", factors[0] @ self.damping.profiles)
             return self._velocity, scale, factors
         density = self.density.at(values)
         _positive("initial_density", density)
         rows = [self._none if f is None else f.at(values)[None] for f in fields]
+        _not_negative("damping", rows[0])
         return self._velocity_of(density, *rows), 1.0, [np.ones(len(r)) for r in rows]
 
     def stress_part(self, values: Values) -> tuple[StressPart, float]:
@@ -177,7 +193,9 @@ class Operators:
         weighted = modes * weights
         return VelocityPart(
             weighted @ modes.T,
-            np.array([(weighted * d) @ modes.T for d in damping]).reshape(-1, *[len(modes)] * 2),
+            np.array([(weighted * d) @ modes.T for d in damping]).reshape(
+                len(damping), *[len(modes)] * 2
+            ),
             load @ weighted.T,
             start @ weighted.T,
             np.asarray(np.linalg.qr(root * np.concatenate(columns, axis=1), mode="r")),
@@ -208,6 +226,11 @@ class Operators:
                     f"{name} = {values[name]}: no such parameter; allowed are {allowed}"
                 )
         return parameter_values(self.settings) | {k: float(v) for k, v in values.items()}
+
+
+def _not_negative(key, field):
+    if not np.min(field, initial=0) >= 0:
+        raise ValueError(f"{key}: it is {np.min(field):g} somewhere and must not be negative")
 
 
 def _positive(key, field):

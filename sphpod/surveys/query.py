@@ -24,6 +24,7 @@ from sphpod.reduced.lifted_rom import OwnModes, eigenmodes, normal_modes
 from sphpod.scene.scene import Scene
 from sphpod.surveys.oscillating import oscillating_bound
 from sphpod.surveys.parts import Operators, Values
+from sphpod.surveys.terms import separate
 
 DEPENDENT = 1e-12
 """Part of a mode that those before leave over, from which it is one of its own."""
@@ -152,26 +153,33 @@ class Survey:
         self.operators, self.tolerance = operators, tolerance
         self.count = min(count, len(operators.velocity_modes))
         self._times = operators.nominal.error_times
-        self._course: tuple[Course, ...] | None = None
+        scene = operators.nominal
+        self._constants = {"L": scene.domain_length, "T": scene.duration}
+        self._push: tuple[Expression, Course] | None = None
+        force = operators.settings.get("force")
+        if force is None:
+            return
+        self._text = str(force["time"] if isinstance(force, Mapping) else force)
+        terms = separate(self._text, operators.parameters)
+        if terms is not None and len(terms) == 1:
+            ((factor, alone),) = terms
+            self._push = (
+                Expression(factor, operators.parameters, self._constants),
+                Course.of(Expression(alone, ("t",), self._constants), self._times[-1]),
+            )
 
-    def courses(self, values: Values) -> tuple[Course, ...]:
-        """Course of the force in time; made once if no parameter stands in it."""
-        settings, scene = self.operators.settings, self.operators.nominal
-        if "force" not in settings:
-            return ()
-        if self._course is not None:
-            return self._course
-        force = settings["force"]
-        text = str(force["time"] if isinstance(force, Mapping) else force)
-        constants = {"L": scene.domain_length, "T": scene.duration}
-        try:
-            alone, fixed = Expression(text, ("t",), constants), True
-        except ValueError:  # it names parameters
-            alone, fixed = Expression(text, ("t",), {**constants, **values}), False
-        found = (Course.of(alone, scene.error_times[-1]),)
-        if fixed:
-            self._course = found
-        return found
+    def courses(self, values: Values) -> tuple[tuple[Course, ...], float]:
+        """Course of the force in time, and what it is scaled by.
+
+        The course is made once where the parameters only scale it.
+        """
+        if "force" not in self.operators.settings:
+            return (), 1.0
+        if self._push is not None:
+            factor, course = self._push
+            return (course,), float(factor(**{k: np.asarray(v) for k, v in values.items()}))
+        alone = Expression(self._text, ("t",), {**self._constants, **values})
+        return (Course.of(alone, self._times[-1]),), 1.0
 
     def model(self, values: Values) -> tuple[Query, Any, Any]:
         """The model of all modes, and the parts and factors that its residual is of.
@@ -182,9 +190,9 @@ class Survey:
             Density or modulus is not positive somewhere, or the modes are linearly dependent.
         """
         operators = self.operators
-        velocity, scale, (damped, loaded, started) = velocity_found = operators.velocity_part(
-            values
-        )
+        velocity, scale, (damped, loaded, started) = operators.velocity_part(values)
+        courses, strength = self.courses(values)
+        loaded = strength * loaded
         stress, stiff = stress_found = operators.stress_part(values)
         lower = _cholesky(scale * velocity.mass)
         soft = _cholesky(stress.compliance / stiff)
@@ -198,9 +206,6 @@ class Survey:
         if operators.damping_is_even:
             field = operators.damping
             uniform = 0.0 if field is None else float(field.factors(values) @ field.profiles[:, 0])
-        if uniform is not None and uniform < 0:
-            raise ValueError(f"damping: it is {uniform:g} and must not be negative")
-        courses = self.courses(values)
         force = within(scale * loaded @ velocity.load)[:, None][:, : len(courses)]
         # A uniform force moves the translation alone; on the rest it is rounding.
         force = np.where(np.abs(force) > 1e-13 * np.linalg.norm(force), force, 0)
@@ -215,9 +220,9 @@ class Survey:
             within(scale * started @ velocity.start),
             uniform,
             operators.rigid,
-            self.courses(values),
+            courses,
         )
-        return query, velocity_found, stress_found
+        return query, (velocity, scale, (damped, loaded, started)), stress_found
 
     def residual(self, query: Query, velocity_found: Any, stress_found: Any):
         """Columns of the residual by own coordinates and force, and what starts beside the modes.
@@ -274,9 +279,11 @@ class Survey:
         """
         whole, *parts = self.model(values)
         query = whole.leading(self.count)
-        state, richer = query.solve(), whole.solve()
-        coordinates = query.coordinates(state)
-        difference = _difference(coordinates, whole.coordinates(richer))
+        coordinates = query.coordinates(query.solve())
+        # A model that is compared with itself is told nothing of its error.
+        difference = np.full(self._times.size, np.nan)
+        if len(whole.start) > len(query.start):
+            difference = _difference(coordinates, whole.coordinates(whole.solve()))
         bound, start_norm, force_norm = self._bound(query, parts)
         found = Answer(query, coordinates, bound, start_norm, difference, force_norm)
         if found.relative_bound <= self.tolerance or len(whole.start) == len(query.start):
@@ -306,7 +313,8 @@ class Answer:
     start_norm : float
         Energy norm at t = 0.
     difference : array, shape (times,)
-        Energy norm of the difference to the model of all modes, which estimates the error.
+        Energy norm of the difference to the model of all modes, which estimates the error; NaN
+        where there are no further modes.
     force_norm : float
         Energy norm of the force's profile.
     """
@@ -331,9 +339,14 @@ class Answer:
 
     @property
     def relative_bound(self) -> float:
-        """Bound of the largest error over time, of the largest norm of the full model."""
-        largest = self.largest_norm
-        return float(self.bound.max() / largest) if largest > 0 else float(self.bound.max() > 0)
+        """Bound of the largest error over time, of the largest norm of the full model.
+
+        Infinite where the full model may be at rest for all that is known.
+        """
+        largest, bound = self.largest_norm, float(self.bound.max())
+        if largest > 0:
+            return bound / largest
+        return np.inf if bound > 0 else 0.0
 
     @property
     def estimate(self) -> float:

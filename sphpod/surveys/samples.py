@@ -40,7 +40,7 @@ def points(ranges: Ranges, queries: Mapping[str, Any]) -> np.ndarray:
     Raises
     ------
     ValueError
-        A CSV cannot be read, or lacks a parameter.
+        A CSV cannot be read, lacks a parameter, or has values outside a range.
     """
     if "grid" in queries:
         return _grid(ranges, queries["grid"])
@@ -100,9 +100,17 @@ def _table(ranges, path):
         held = ", ".join(map(str, table))
         raise ValueError(f"{path}: it has no column {missing[0]}; its columns are {held}")
     try:
-        return table[list(ranges)].to_numpy(float)
+        found = table[list(ranges)].to_numpy(float)
     except ValueError:
         raise ValueError(f"{path}: its columns must hold numbers only") from None
+    if not len(found):
+        raise ValueError(f"{path}: it has no rows, each of which is a query")
+    low, high = np.array([given["range"] for given in ranges.values()]).T
+    wrong = np.flatnonzero(~((low <= found) & (found <= high)).all(axis=1))  # no number is, too
+    if wrong.size:
+        told = outside(ranges, dict(zip(ranges, map(float, found[wrong[0]]), strict=True)))
+        raise ValueError(f"{path}: row {wrong[0] + 1}: {told}")
+    return found
 
 
 def corners(ranges: Ranges) -> np.ndarray:

@@ -14,9 +14,12 @@ Terms = list[tuple[str, str]]
 
 ONE = "1.0"
 
+VARIABLES = frozenset({"x", "t"})
+"""What parameters are told apart from: an expression here is of one of them."""
+
 
 def separate(text: str, parameters: Collection[str]) -> Terms | None:
-    """Terms of an expression, or None if it does not fall apart."""
+    """Terms of an expression in x, or likewise in t, or None if it does not fall apart."""
     return _terms(ast.parse(text.strip(), mode="eval").body, frozenset(parameters))
 
 
@@ -24,7 +27,7 @@ def _terms(node, parameters):
     found = names(node)
     if not found & parameters:
         return [(ONE, ast.unparse(node))]
-    if "x" not in found:
+    if not found & VARIABLES:
         return [(ast.unparse(node), ONE)]
     match node:
         case ast.BinOp(op=ast.Add(), left=left, right=right):
@@ -88,7 +91,7 @@ def _series(series, parameters):
             over = " ".join(ast.unparse(loop) for loop in loops)
             indices = frozenset().union(*(names(loop.target) for loop in loops))
             bounds = frozenset().union(*(names(loop.iter) for loop in loops))
-            if within is None or (bounds & (parameters | {"x"})):
+            if within is None or (bounds & (parameters | VARIABLES)):
                 return None
             summed = []
             for g, h in within:

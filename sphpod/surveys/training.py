@@ -9,7 +9,9 @@ import numpy as np
 from sphpod.full import lifted
 from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import shared_modes
+from sphpod.scene.breakdown import Breakdown
 from sphpod.surveys import samples
+from sphpod.surveys.folds import check_folds
 from sphpod.surveys.parts import Operators
 from sphpod.surveys.query import Survey
 
@@ -47,8 +49,15 @@ def training_points(survey: Mapping[str, Any], ranges: samples.Ranges) -> np.nda
 
 
 def _run_at(name, settings, point):
-    scene = samples.scene_at(name, settings, _values(settings, point))
-    return lifted.solve(scene, "exact") | {"point": point}
+    values = _values(settings, point)
+    try:
+        found = lifted.solve(samples.scene_at(name, settings, values), "exact")
+    except Breakdown as error:
+        where = ", ".join(f"{word} = {value:g}" for word, value in values.items())
+        raise ValueError(
+            f"{error}, at {where}; narrow the ranges of the parameters until no training run does"
+        ) from None
+    return found | {"point": point}
 
 
 def run(
@@ -116,13 +125,23 @@ def train_greedily(
         if len(runs) == keys["count"] or not len(candidates):
             return found
         reduced = Survey(Operators(name, settings, found), int(found["mode_count"]), np.inf)
-        answers = (reduced.answer(_values(settings, each)) for each in candidates)
-        bounds = np.array([answer.relative_bound for answer in answers])
+        bounds = np.array([_bound_at(reduced, _values(settings, each)) for each in candidates])
         worst = int(bounds.argmax())
         logger.info("%d training runs: bounds up to %.3g", len(runs), bounds[worst])
         if bounds[worst] <= survey["tolerance"]:
             return found
         point, candidates = candidates[worst], np.delete(candidates, worst, axis=0)
+
+
+def _bound_at(reduced, values):
+    """Bound of a query, below all others where it fails: no training run is made there."""
+    try:
+        answer = reduced.answer(values)
+        check_folds(reduced.operators, answer, values)
+    except ValueError as error:
+        logger.warning("no training run at %s: %s", values, error)
+        return -np.inf
+    return answer.relative_bound
 
 
 def _first(shared, count):

@@ -1,5 +1,6 @@
 """Some queries of a survey solved in full: the true error beside its estimate and its bound."""
 
+import logging
 from collections.abc import Mapping
 from typing import Any
 
@@ -7,8 +8,12 @@ import numpy as np
 
 from sphpod.full import lifted
 from sphpod.pipeline.dataset import Variable
+from sphpod.scene.breakdown import Breakdown
 from sphpod.surveys import samples
 from sphpod.surveys.answers import of_settings
+from sphpod.surveys.folds import check_folds
+
+logger = logging.getLogger(__name__)
 
 SEED = 20
 """Of the draw of queries."""
@@ -38,32 +43,22 @@ def validate(
     Returns
     -------
     dict
-        Parameters, true_error, relative_estimate, relative_bound, effectivity and inside, all
-        (queries,).
+        Parameters, true_error, relative_estimate, relative_bound, effectivity, inside and reason,
+        all (queries,). A query that fails, or whose full run folds, has NaN, and its reason.
     """
     reduced, asked = of_settings(name, settings, survey, model)
     ranges = settings["parameters"]
     drawn = {"count": survey["validation"], "sampling": "uniform", "seed": SEED}
     points = samples.points(ranges, drawn)
-    rows = []
+    rows, reasons = [], []
     for point in points:
-        values = dict(zip(ranges, map(float, point), strict=True))
-        answer = reduced.answer(values)
-        scene = samples.scene_at(name, settings, values)
-        full = lifted.solve(scene, "exact")
-        mass, stiffness = lifted.energy_weights(scene)
-        norms = _norms(mass * full["velocity"], stiffness * full["strain"])
-        velocity, stress = _fields(reduced.operators, answer)
-        wrong = _norms(
-            mass * (full["velocity"] - velocity),
-            stiffness * (full["strain"] - stress / scene.modulus()),
-        )
-        true = wrong.max() / norms.max() if norms.max() else 0.0
-        held = all(
-            _holds(question, question.answer(answer, values), scene, full, norms)
-            for question in asked.values()
-        )
-        rows.append((true, answer.estimate, answer.relative_bound, held))
+        try:
+            rows.append(_row(name, settings, reduced, asked, point))
+            reasons.append("")
+        except (ValueError, Breakdown) as error:
+            logger.warning("random query %s: %s", point, error)
+            rows.append((np.nan, np.nan, np.nan, 0))
+            reasons.append(str(error))
     errors, estimate, bound, inside = np.array(rows, float).reshape(-1, 4).T
     with np.errstate(divide="ignore", invalid="ignore"):
         effectivity = bound / errors
@@ -74,7 +69,30 @@ def validate(
         "relative_bound": bound,
         "effectivity": effectivity,
         "inside": inside.astype(np.int8),
+        "reason": np.array(reasons, object),
     }
+
+
+def _row(name, settings, reduced, asked, point):
+    """True error, estimate, bound, and whether all intervals hold, of one query."""
+    values = dict(zip(settings["parameters"], map(float, point), strict=True))
+    answer = reduced.answer(values)
+    check_folds(reduced.operators, answer, values)
+    scene = samples.scene_at(name, settings, values)
+    full = lifted.solve(scene, "exact")
+    mass, stiffness = lifted.energy_weights(scene)
+    norms = _norms(mass * full["velocity"], stiffness * full["strain"])
+    velocity, stress = _fields(reduced.operators, answer)
+    wrong = _norms(
+        mass * (full["velocity"] - velocity),
+        stiffness * (full["strain"] - stress / scene.modulus()),
+    )
+    true = wrong.max() / norms.max() if norms.max() else 0.0
+    held = all(
+        _holds(question, question.answer(answer, values), scene, full, norms)
+        for question in asked.values()
+    )
+    return true, answer.estimate, answer.relative_bound, held
 
 
 def _fields(operators, answer):

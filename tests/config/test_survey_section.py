@@ -5,8 +5,10 @@ import copy
 import pytest
 from survey_cases import SCENE, SURVEY, settings
 
+from sphpod.config import survey_section
 from sphpod.config.config import ConfigError, load
 from sphpod.scene.scene import Scene, physical_settings
+from sphpod.surveys import answers, sensitivity, training, validation
 
 
 def refused(changed):
@@ -81,6 +83,7 @@ def test_what_a_scene_depends_on_holds_no_ranges() -> None:
         (settings(output_interval=0.003), "a whole number of time steps"),
         (settings(quantities={"t": {"kind": "energy"}}), "this name is taken in the results"),
         (settings(quantities={"decay": {"kind": "energy"}}), "this name is taken in the results"),
+        (settings(quantities={"inside": {"kind": "energy"}}), "this name is taken in the results"),
         (with_quantity(kind="energi"), "allowed are history, value"),
         (with_quantity(kind="energy", place=1), "a quantity of kind energy has no such key"),
         (with_quantity(kind="passage", place=0), "a quantity of kind passage needs it"),
@@ -111,3 +114,31 @@ def test_a_table_of_ones_own_needs_a_column_for_each_parameter(tmp_path) -> None
     assert "it has no column decay" in refused(settings(queries={"from": str(path)}))
     path.write_text("decay,stiffness,contrast\n0.5,0.1,0.2\n")
     load([], settings(queries={"from": str(path)}))
+
+
+@pytest.mark.parametrize(
+    ("rows", "told"),
+    [
+        ("", "it has no rows"),
+        ("0.5,0.1,0.2\n0.5,0.1,\n", "row 2: contrast = nan is outside its range 0 to 0.6"),
+        ("0.5,inf,0.2\n", "row 1: stiffness = inf is outside its range"),
+        ("0.5,0.1,0.2\n0.5,9,0.2\n", "row 2: stiffness = 9 is outside its range 0.05 to 0.2"),
+    ],
+)
+def test_a_table_of_ones_own_has_values_within_the_ranges(tmp_path, rows, told) -> None:
+    path = tmp_path / "mine.csv"
+    path.write_text("decay,stiffness,contrast\n" + rows)
+    assert told in refused(settings(queries={"from": str(path)}))
+
+
+@pytest.mark.parametrize("name", ["true_error", "certified", "point", "strain", "extrapolate"])
+def test_no_parameter_has_a_name_of_the_results(name) -> None:
+    parameters = {**SCENE["parameters"], name: {"nominal": 0, "range": [0, 1]}}
+    changed = settings({"parameters": parameters, "force": name})
+    assert "this name is taken in the results of surveys.graded" in refused(changed)
+
+
+def test_all_names_of_the_results_are_taken() -> None:
+    written = {**training.MODEL_VARIABLES, **validation.VARIABLES, **sensitivity.VARIABLES}
+    assert {*written, *answers.OF_QUERY} <= {*survey_section.TAKEN}
+    assert {*training.RUN_VARIABLES} <= {*survey_section.TAKEN_FROM_PARAMETERS}

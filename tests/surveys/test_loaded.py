@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from survey_cases import settings
+from survey_cases import SCENE, settings
 
 from sphpod.config.config import load
 from sphpod.surveys import answers, sensitivity, tables, training, validation
@@ -148,3 +148,68 @@ def test_quantiles_leave_out_what_has_no_answer() -> None:
     rows = tables.quantiles(found)
     assert rows["answered"] == [3, 3]
     assert rows["50 %"][0] == 2
+
+
+def test_a_scene_at_rest_stays_there() -> None:
+    physics, keys, model = trained({"initial_velocity": "0"})
+    assert len(model["velocity_modes"]) == 0
+    still = LoadedSurvey({"scene": "bar", "physics": physics, "survey": keys}, model)()
+    assert str(still["reason"].values) == ""
+    assert not still["history"].values.any()
+    assert float(still["energy_high"]) == 0
+    assert int(still["certified"]) == 1
+
+
+FAST = {
+    "initial_velocity": "speed*sin(2*pi*x/L)",
+    "youngs_modulus": "0.1",
+    "damping": "0.1",
+    "parameters": {"speed": {"nominal": 0.01, "range": [0.01, 1]}},
+}
+
+
+def test_a_training_run_that_folds_says_where() -> None:
+    with pytest.raises(ValueError, match=r"broke down by t = .*, at speed = 0\.\d+; narrow"):
+        trained(FAST)
+
+
+def test_greedy_training_and_validation_go_on_where_queries_fold() -> None:
+    changed = settings(FAST, training={"count": 4, "method": "greedy"}, quantities=QUANTITIES)
+    resolved = load([], changed)
+    physics, keys = resolved["scenes"]["bar"], resolved["surveys"]["graded"]
+    model = training.train_greedily("bar", physics, keys)
+    found = validation.validate("bar", physics, {**keys, "validation": 12}, model)
+    failed = found["reason"].astype(bool)
+    assert 0 < failed.sum() < 12
+    assert np.array_equal(np.isnan(found["true_error"]), failed)
+    assert found["inside"][~failed].all()
+
+
+UNEVEN = {
+    "damping": "decay*where(x < 0.3, 0, 1)",
+    "force": {"time": "size*cos(4*t)", "profile": "exp(-20*(x/L - 0.5)**2)"},
+    "parameters": {
+        **SCENE["parameters"],
+        "size": {"nominal": 1e-3, "range": [-1e-3, 2e-3]},
+    },
+}
+
+
+def test_negative_uneven_damping_is_a_reason() -> None:
+    physics, keys, model = trained(UNEVEN)
+    asked = LoadedSurvey({"scene": "bar", "physics": physics, "survey": keys}, model)
+    found = asked(decay=[-1.0, 1.0], extrapolate=True)
+    assert "damping: it is -1 somewhere and must not be negative" in found["reason"].values[0]
+    assert found["reason"].values[1] == ""
+
+
+def test_a_force_that_parameters_only_scale_has_one_course() -> None:
+    physics, keys, model = trained(UNEVEN)
+    reduced, _ = answers.of_settings("bar", physics, keys, model)
+    points = ({"size": size} | dict.fromkeys(SCENE["parameters"], 0.1) for size in (-1e-3, 2e-3))
+    ((one,), small), ((other,), large) = map(reduced.courses, points)
+    assert one is other
+    assert large == -2 * small
+    found = validation.validate("bar", physics, {**keys, "validation": 6}, model)
+    assert found["inside"].all()
+    assert (found["effectivity"] >= 1).all()

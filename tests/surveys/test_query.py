@@ -1,5 +1,6 @@
 """Queries: certified, stable for any parameters, and the full model where the modes are all."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -11,6 +12,7 @@ from survey_cases import SCENE
 from sphpod.config.config import load
 from sphpod.full import lifted
 from sphpod.reduced import lifted_rom, shared_modes
+from sphpod.scene.scene import parameter_values
 from sphpod.surveys import samples
 from sphpod.surveys.parts import Operators
 from sphpod.surveys.query import Survey
@@ -161,3 +163,19 @@ def test_a_modulus_that_is_not_positive_is_refused(surveys) -> None:
     _, survey = surveys["all_affine"]
     with pytest.raises(ValueError, match="must be positive everywhere"):
         survey.answer({"stiffness": -0.1, "contrast": 0.2, "decay": 0.3})
+
+
+def test_a_model_of_all_modes_has_no_estimate() -> None:
+    resolved, few = made("forced", count=4)
+    nominal = parameter_values(resolved)
+    assert few.answer(nominal).estimate > 0
+    whole = Survey(few.operators, len(few.operators.velocity_modes))
+    assert np.isnan(whole.answer(nominal).estimate)
+
+
+def test_nothing_is_known_of_the_relative_error_where_all_may_be_at_rest() -> None:
+    resolved, survey = made("forced")
+    answer = survey.answer(parameter_values(resolved))
+    unknown = replace(answer, start_norm=0.0, bound=2 * answer.norms.max() + 0 * answer.bound)
+    assert unknown.relative_bound == np.inf
+    assert replace(unknown, bound=0 * answer.bound).relative_bound == 0

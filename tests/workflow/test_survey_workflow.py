@@ -91,6 +91,21 @@ def test_a_lost_chunk_is_made_anew_alone_and_bytes_depend_on_no_chunk_size(surve
         assert array.tobytes() == values[name].tobytes() or array.dtype.kind in "OUT", name
 
 
+def test_an_edited_table_of_queries_is_answered_anew(surveyed) -> None:
+    mine = (
+        "{scene: graded, training: {count: 1}, mode_count: 4, output_interval: 0.05, "
+        "queries: {from: mine.csv}, quantities: {final_energy: {kind: energy}}}"
+    )
+    folder = FOLDER.parent / "mine"
+    for stiffness in (0.1, 0.15):
+        (surveyed / "mine.csv").write_text(f"stiffness,decay\n{stiffness},1\n")
+        arguments = "--config", f"surveys={{mine: {mine}}}", "--", str(folder / "answers.csv")
+        run = snakemake(surveyed, *arguments)
+        assert run.returncode == 0, run.stderr
+        answers = dataset.read(surveyed / folder / "answers.nc")
+        assert answers["stiffness"].tolist() == [stiffness]
+
+
 def test_a_trained_survey_is_loaded_and_asked(surveyed) -> None:
     survey = sphpod.load_survey(surveyed / FOLDER / "model.nc")
     one = survey(stiffness=0.12, decay=0.3)

@@ -17,9 +17,17 @@ def survey_physics(wildcards):
 
 def survey_keys(*names):
     """Those settings of a survey, of which its results depend on these alone."""
-    return lambda wildcards: {
-        name: SURVEYS[wildcards.survey][name] for name in names if name in SURVEYS[wildcards.survey]
-    }
+
+    def given(wildcards):
+        survey = SURVEYS[wildcards.survey]
+        found = {name: survey[name] for name in names if name in survey}
+        if "from" in found.get("queries", ()):
+            # A table that has been edited asks for other queries.
+            content = Path(found["queries"]["from"]).read_bytes()
+            found["table"] = hashlib.sha256(content).hexdigest()
+        return found
+
+    return given
 
 
 TRAINED_BY = "training", "output_interval"
