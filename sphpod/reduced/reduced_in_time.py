@@ -20,11 +20,12 @@ the particles.
     |ε(t)| ≤ e^{g(t)} |ε(0)| + ∫ e^{g(t) - g(s)} |r(s)| ds,    g(t) = ∫ γ ds.
 
 A modulus that jumps upwards has no such g. The integral is a sum over a grid that resolves the
-waves of the model; how much it differs from that over every other time is added.
+waves of the model and whatever changes in a coefficient or the force, however short; how much it
+differs from that over every other time is added.
 """
 
 import logging
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -154,18 +155,22 @@ class Steps:
     euler: bool
     time_error: float = field(default=np.nan, init=False)
 
-    def run(self, state: np.ndarray) -> None:
-        """Fill the outputs of a state (coordinates, times), of which the first column is given."""
+    def run(self, state: np.ndarray, times: np.ndarray | None = None) -> None:
+        """Fill the outputs of a state (coordinates, times), of which the first column is given.
+
+        Outputs are those of the scene, or at ascending ``times`` from 0 [s].
+        """
         if self.euler:
             scene = self.terms.scene
             starts, done = scene.times(np.arange(scene.step_count)), scene.error_steps
             self._march(state, starts, np.full(starts.size, scene.time_step), done, 0)
             return
         scene, coarse = self.terms.scene, None
+        times = scene.error_times if times is None else times
         longest = 1 / max(self.terms.fastest, 1 / scene.duration)
         courses = in_time.courses_of(scene)
         for halving in range(in_time.HALVINGS + 1):
-            starts, lengths, done = in_time.step_grid(scene.error_times, courses, longest, halving)
+            starts, lengths, done = in_time.step_grid(times, courses, longest, halving)
             size = 0.6 * lengths.max() * self.terms.fastest
             self._march(state, starts, lengths, done, in_time.series_terms(size))
             if coarse is not None:
@@ -177,7 +182,10 @@ class Steps:
             coarse = state.copy()
 
     def _march(self, state, starts, lengths, done, terms):
-        now, row, first = np.ascontiguousarray(state[:, 0]), 1, 0
+        now, first = np.ascontiguousarray(state[:, 0]), 0
+        # Outputs before the first step, such as one that is no later than 0 but for rounding.
+        row = np.count_nonzero(done == 0)
+        state[:, :row] = now[:, None]
         at_once = max(1, MATRIX_VALUES // (2 * now.size**2))
         while first < starts.size:
             some = slice(first, first + at_once)
@@ -281,37 +289,44 @@ def error_bounds(prepared: Any) -> np.ndarray:
             scene.name, scene.youngs_modulus.text,
         )  # fmt: skip
         return np.full(scene.error_times.size, np.inf)
-    terms = Terms.of(model)
-    outputs = scene.error_times.size
-    parts = int(np.ceil(terms.fastest * scene.error_interval / GRID))
-    parts = max(1, min(parts, MOST_TIMES // outputs)) * 2
-    interval = scene.error_interval / parts
-    fine = replace(
-        model, scene=replace(scene, error_interval=interval, time_step=interval)
-    ).prepare("lifted_exact")
-    state = fine.new_state()
-    fine.run(scene.velocity0(), state)
-    times = fine.model.scene.error_times
-    sizes = _residual_sizes(model, terms, state, times)
+    times = bound_times(prepared.jumps.terms)
+    state = np.zeros((len(prepared.start), times.size))
+    state[:, 0] = prepared.start @ scene.velocity0()
+    steps = Steps(prepared.jumps.terms, euler=False)
+    steps.run(state, times)
+    sizes = _residual_sizes(model, steps.terms, state, times)
     grown = pumping(scene, times)
     mass, _ = lifted.energy_weights(scene)
     start = mass * scene.velocity0()
     begun = np.linalg.norm(start - model.velocity_modes.T @ state[: len(model.velocity_modes), 0])
-    found = [
-        np.exp(grown[:: 2 // part]) * (begun + _sum_of(sizes[:: 2 // part], grown[:: 2 // part],
-                                                       times[:: 2 // part]))
-        for part in (2, 1)
-    ]  # fmt: skip
-    fine_bound, coarse = found[0][::2], found[1]
+    fine, coarse = (
+        np.exp(grown[::n]) * (begun + _sum_of(sizes[::n], grown[::n], times[::n])) for n in (1, 2)
+    )
+    fine, grown = fine[::2], grown[::2]
     # What the steps of this model miss, and what the force's polynomials do.
     largest = np.linalg.norm(state, axis=0).max()
     _, profiles = scene.force_values(np.zeros(1))
-    left = fine.jumps.time_error * largest + sum(
+    left = steps.time_error * largest + sum(
         course.missed * np.linalg.norm(mass * profile)
         for course, profile in zip(scene.courses(), profiles, strict=True)
     )
-    bound = fine_bound + np.abs(fine_bound - coarse) + np.exp(grown[::2]) * left
-    return bound[:: parts // 2]
+    bound = fine + np.abs(fine - coarse) + np.exp(grown) * left
+    return bound[np.searchsorted(times[::2], scene.error_times)]
+
+
+def bound_times(terms: Terms) -> np.ndarray:
+    """Times of the bound's grid [s]: every other one is between its neighbours."""
+    outputs = terms.scene.error_times
+    parts = int(np.ceil(terms.fastest * terms.scene.error_interval / GRID))
+    parts = max(1, min(parts, MOST_TIMES // outputs.size))
+    even = np.arange((outputs.size - 1) * parts + 1) / parts
+    even = np.interp(even, np.arange(outputs.size), outputs)
+    # What is over between two of these, such as a pulse, is seen where the courses have it.
+    seen = instants(list(in_time.courses_of(terms.scene)), MOST_TIMES)
+    every = np.unique(np.concatenate([even, outputs, seen[seen <= outputs[-1]]]))
+    times = np.empty(2 * every.size - 1)
+    times[::2], times[1::2] = every, (every[1:] + every[:-1]) / 2
+    return times
 
 
 def _sum_of(sizes, grown, times):
