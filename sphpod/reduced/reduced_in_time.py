@@ -248,9 +248,14 @@ def jumps_upwards(scene: Scene) -> bool:
     changing = scene.changing("youngs_modulus")
     if changing is None:
         return False
-    breaks = np.unique(np.concatenate([course.breaks for course in changing.courses]))
-    breaks = breaks[(breaks > 0) & (breaks < scene.duration)]
-    before, after = (changing.at(np.nextafter(breaks, way)) for way in (-np.inf, np.inf))
+    courses = changing.courses
+    # A break is an edge, or a piece as short as it could be found in.
+    low = [np.append(course.breaks, course.edges[:-1][~course.smooth]) for course in courses]
+    high = [np.append(course.breaks, course.edges[1:][~course.smooth]) for course in courses]
+    low, high = np.concatenate(low), np.concatenate(high)
+    within = (low > 0) & (high < scene.duration)
+    before = changing.at(np.nextafter(low[within], -np.inf))
+    after = changing.at(np.nextafter(high[within], np.inf))
     return bool((np.abs(after - before) > JUMP * np.abs(before)).any())
 
 

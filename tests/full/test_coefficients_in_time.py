@@ -238,11 +238,21 @@ def test_the_bound_sees_a_pulse_that_is_over_between_two_outputs():
     assert np.all(found["bound_slack"] >= -10 * coefficients_in_time.TIME_ERROR)
 
 
-def test_a_modulus_that_jumps_has_no_bound(caplog):
-    case = made({"youngs_modulus": "0.1*(1 + where(t < 0.5, 0, 1))"})
+@pytest.mark.parametrize(
+    "modulus",
+    ["0.1*(1 + where(t < 0.5, 0, 1))", "where(t < 0.333, 0.1, 0.2)", "0.1 + 0.1*(x < 0.1 + t)"],
+)
+def test_a_modulus_that_jumps_has_no_bound(modulus, caplog):
+    case = made({"youngs_modulus": modulus})
     prepared = lifted_rom.build(case, every_mode(case), 4).prepare("lifted_exact")
     assert np.isinf(reduced_in_time.error_bounds(prepared)).all()
-    assert "youngs_modulus = 0.1*(1 + where(t < 0.5, 0, 1)): it jumps in time" in caplog.text
+    assert f"youngs_modulus = {modulus}: it jumps in time" in caplog.text
+
+
+def test_a_modulus_with_a_kink_has_a_bound():
+    case = made({"youngs_modulus": "0.1 + 0.1*abs(t - 0.333)"})
+    prepared = lifted_rom.build(case, every_mode(case), 4).prepare("lifted_exact")
+    assert np.isfinite(reduced_in_time.error_bounds(prepared)).all()
 
 
 def test_energy_changes_by_what_the_modulus_does_alone():
