@@ -52,6 +52,9 @@ MOST_TIMES = 2**16
 JUMP = 1e-9
 """Change of the modulus at a break, of itself, from which it is taken for a jump."""
 
+HALVINGS = 64
+"""How often a piece is halved in which the modulus may jump, until its ends are neighbours."""
+
 
 @dataclass(frozen=True)
 class Terms:
@@ -254,26 +257,40 @@ def jumps_upwards(scene: Scene) -> bool:
     high = [np.append(course.breaks, course.edges[1:][~course.smooth]) for course in courses]
     low, high = np.concatenate(low), np.concatenate(high)
     within = (low > 0) & (high < scene.duration)
-    before = changing.at(np.nextafter(low[within], -np.inf))
-    after = changing.at(np.nextafter(high[within], np.inf))
-    return bool((np.abs(after - before) > JUMP * np.abs(before)).any())
+    low, high = (np.nextafter(time[within], way) for time, way in ((low, -np.inf), (high, np.inf)))
+    # What is left of a kink between neighbouring numbers is nothing, of a jump all.
+    for _ in range(HALVINGS):
+        before, after = changing.at(low), changing.at(high)
+        jumps = (np.abs(after - before) > JUMP * np.abs(before)).any(axis=1)
+        low, high, before, after = low[jumps], high[jumps], before[jumps], after[jumps]
+        middle = low + (high - low) / 2
+        there = changing.at(middle)
+        left = np.abs(there - before).max(axis=1) > np.abs(after - there).max(axis=1)
+        low, high = np.where(left, low, middle), np.where(left, middle, high)
+    return bool(low.size)
 
 
 def pumping(scene: Scene, times: np.ndarray) -> np.ndarray:
     """g(t) = ½ ∫ max (∂c/∂t)⁺/c ds at ascending times from 0, shape (times,).
 
-    Between two times the larger of both ends is taken, and their difference added.
+    Between two times the larger of both ends is taken, and their difference added; or what the
+    modulus itself gains, which the slope at a kink may not show.
     """
     changing = scene.changing("youngs_modulus")
     if changing is None:
         return np.zeros(times.size)
     slopes = np.stack([course.slopes(times) for course in changing.courses], axis=1)
-    rates = np.empty(times.size)
+    rates, gains = np.empty(times.size), np.zeros(times.size)
+    before = changing.at(times[:1])
     for rows in blocks(times.size):
-        shares = (slopes[rows] @ changing.profiles) / changing.at(times[rows])
+        moduli = changing.at(times[rows])
+        shares = (slopes[rows] @ changing.profiles) / moduli
         rates[rows] = np.maximum(shares.max(axis=1), 0) / 2
+        gains[rows] = np.log(moduli / np.concatenate([before, moduli[:-1]])).max(axis=1) / 2
+        before = moduli[-1:]
     largest = np.maximum(rates[1:], rates[:-1]) + np.abs(np.diff(rates))
-    return np.concatenate([[0.0], np.cumsum(largest * np.diff(times))])
+    grown = np.maximum(largest * np.diff(times), gains[1:])
+    return np.concatenate([[0.0], np.cumsum(grown)])
 
 
 def error_bounds(prepared: Any) -> np.ndarray:
