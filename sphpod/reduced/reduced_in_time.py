@@ -137,7 +137,9 @@ class Terms:
         """Largest norm of the operator over time [1/s], where it is looked at."""
         courses = in_time.courses_of(self.scene)
         operators = self.operators(instants(list(courses), 256))
-        return float(np.linalg.norm(operators, 2, axis=(1, 2)).max())
+        found = np.linalg.norm(operators, 2, axis=(1, 2)).max()
+        # A damper may be switched on between two of these.
+        return float(max(found, self.scene.damping_range()[1]))
 
 
 @dataclass
@@ -246,6 +248,21 @@ def march(now, matrices, pushes, schedule, done, row, state):
 # --- Bound ----------------------------------------------------------------------------------------
 
 
+def unfollowed(scene: Scene) -> bool:
+    """Whether modulus or damping break more often than can be followed, as the log reports."""
+    found = False
+    for key in ("youngs_modulus", "damping"):
+        changing = scene.changing(key)
+        if changing and not all(np.isfinite(course.missed) for course in changing.courses):
+            found = True
+            logger.warning(
+                "scene %s: %s = %s: it changes more often in time than can be followed: what it "
+                "does between steps is an estimate, and no error of a reduced model is bounded",
+                scene.name, key, getattr(scene, key).text,
+            )  # fmt: skip
+    return found
+
+
 def jumps_upwards(scene: Scene) -> bool:
     """Whether the modulus jumps in time anywhere, so that no bound of the energy holds across."""
     changing = scene.changing("youngs_modulus")
@@ -296,7 +313,8 @@ def pumping(scene: Scene, times: np.ndarray) -> np.ndarray:
 def error_bounds(prepared: Any) -> np.ndarray:
     """Bounds of the energy norm of the error, in norms of the time, at the outputs, (times,).
 
-    Infinite, as the log reports, where the modulus jumps in time.
+    Infinite, as the log reports, where the modulus jumps in time, or a coefficient changes more
+    often than can be followed.
 
     Parameters
     ----------
@@ -304,6 +322,8 @@ def error_bounds(prepared: Any) -> np.ndarray:
         A model exact in time.
     """
     model, scene = prepared.model, prepared.model.scene
+    if unfollowed(scene):
+        return np.full(scene.error_times.size, np.inf)
     if jumps_upwards(scene):
         logger.warning(
             "scene %s: youngs_modulus = %s: it jumps in time, and no error of a reduced model is "

@@ -192,6 +192,20 @@ def every_mode(case):
     }
 
 
+def test_damping_that_is_faster_than_waves_shortens_the_steps():
+    """All over the bar it leaves e⁻¹⁰⁰⁰ᵗ of what moves alike, and no wave beside it."""
+    case = made({"damping": "1000*where(t < 0.5, 0, t)", "initial_velocity": 0.01, "duration": 0.6})
+    times = case.error_times
+    expected = 0.01 * np.exp(-500 * np.maximum(times**2 - 0.25, 0))
+    for model in (case, lifted_rom.build(case, every_mode(case)).prepare("lifted_exact")):
+        if model is case:
+            velocity = lifted.solve(case, "exact")["velocity"]
+        else:
+            velocity, strain = np.empty((2, times.size, case.particle_count))
+            model.reconstruct(model.solve(), velocity, strain)
+        np.testing.assert_allclose(velocity, expected[:, None] + 0 * velocity, atol=1e-11)
+
+
 @each
 @pytest.mark.parametrize(
     ("method", "integrator"), [("lifted_exact", "exact"), ("lifted_euler", "explicit_euler")]
@@ -247,6 +261,17 @@ def test_a_modulus_that_jumps_has_no_bound(modulus, caplog):
     prepared = lifted_rom.build(case, every_mode(case), 4).prepare("lifted_exact")
     assert np.isinf(reduced_in_time.error_bounds(prepared)).all()
     assert f"youngs_modulus = {modulus}: it jumps in time" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"youngs_modulus": "where(sin(1e9*t) > 0, 0.1, 0.2)"}, {"damping": "1 + sin(1e9*t)"}],
+)
+def test_what_cannot_be_followed_has_no_bound(changes, caplog):
+    prepared = lifted_rom.build(made(changes), every_mode(made(changes)), 4).prepare("lifted_exact")
+    assert np.isinf(reduced_in_time.error_bounds(prepared)).all()
+    (key, text), *_ = changes.items()
+    assert f"{key} = {text}: it changes more often in time than can be followed" in caplog.text
 
 
 def test_a_modulus_with_a_kink_has_a_bound():
