@@ -7,9 +7,9 @@ those at the Gauss points t₁ and t₂ of the step,
     x ← exp[h (a₂ A(t₁) + a₁ A(t₂))] exp[h (a₁ A(t₁) + a₂ A(t₂))] x,    a = 1/4 ± √3/6,
 
 a commutator-free Magnus method of order four (Blanes and Moan, 2006). Each exponential is a Taylor
-series to rounding, as h is short beside the fastest wave. Steps end where a coefficient or the
-force breaks. They are halved until the solution with half as many differs by little, which by the
-order estimates the error that is left.
+series to rounding, as h is short beside the fastest wave and damping. Steps end where a coefficient
+or the force breaks. They are halved until the solution with half as many differs by little, which
+by the order estimates the error that is left.
 """
 
 from collections.abc import Callable
@@ -31,7 +31,8 @@ TIME_ERROR = 1e-10
 """Largest estimated error of the steps, of the solution's largest energy norm."""
 
 HALVINGS = 8
-"""How often steps are halved at most, the first being a radian of the fastest wave long."""
+"""How often steps are halved at most, the first being a radian of the fastest wave long, or less
+where damping is faster."""
 
 WITNESSES = 512
 """Outputs at which solutions with long and short steps are compared."""
@@ -174,7 +175,8 @@ class Stepped:
 
     def _run(self, velocity, strain, halving, watch):
         scene = self.scene
-        longest = 1 / max(fastest_wave(scene), 1 / scene.duration)
+        fastest = max(fastest_wave(scene), scene.damping_range()[1])
+        longest = 1 / max(fastest, 1 / scene.duration)
         starts, lengths, done = step_grid(scene.error_times, courses_of(scene), longest, halving)
         given = [
             coefficient_terms(scene, "youngs_modulus", scene.modulus()),

@@ -20,11 +20,12 @@ the particles.
     |ε(t)| ≤ e^{g(t)} |ε(0)| + ∫ e^{g(t) - g(s)} |r(s)| ds,    g(t) = ∫ γ ds.
 
 A modulus that jumps upwards has no such g. The integral is a sum over a grid that resolves the
-waves of the model; how much it differs from that over every other time is added.
+waves of the model and whatever changes in a coefficient or the force, however short; how much it
+differs from that over every other time is added.
 """
 
 import logging
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -33,7 +34,6 @@ import numpy as np
 from sphpod.full import coefficients_in_time as in_time
 from sphpod.full import lifted
 from sphpod.numerics.compiled import compiled
-from sphpod.numerics.course import spans
 from sphpod.numerics.error import blocks
 from sphpod.numerics.separation import instants
 from sphpod.scene.scene import Scene
@@ -46,14 +46,14 @@ MATRIX_VALUES = 2**22
 GRID = 0.25
 """Angle [rad] of the model's fastest wave that times of the bound's grid are apart."""
 
-PIECES = 8
-"""Least number of steps of that grid in a piece on which a function of time is a polynomial."""
-
 MOST_TIMES = 2**16
 """Times of the bound's grid, at most."""
 
 JUMP = 1e-9
 """Change of the modulus at a break, of itself, from which it is taken for a jump."""
+
+HALVINGS = 64
+"""How often a piece is halved in which the modulus may jump, until its ends are neighbours."""
 
 
 @dataclass(frozen=True)
@@ -140,7 +140,9 @@ class Terms:
         """Largest norm of the operator over time [1/s], where it is looked at."""
         courses = in_time.courses_of(self.scene)
         operators = self.operators(instants(list(courses), 256))
-        return float(np.linalg.norm(operators, 2, axis=(1, 2)).max())
+        found = np.linalg.norm(operators, 2, axis=(1, 2)).max()
+        # A damper may be switched on between two of these.
+        return float(max(found, self.scene.damping_range()[1]))
 
 
 @dataclass
@@ -161,18 +163,22 @@ class Steps:
     euler: bool
     time_error: float = field(default=np.nan, init=False)
 
-    def run(self, state: np.ndarray) -> None:
-        """Fill the outputs of a state (coordinates, times), of which the first column is given."""
+    def run(self, state: np.ndarray, times: np.ndarray | None = None) -> None:
+        """Fill the outputs of a state (coordinates, times), of which the first column is given.
+
+        Outputs are those of the scene, or at ascending ``times`` from 0 [s].
+        """
         if self.euler:
             scene = self.terms.scene
             starts, done = scene.times(np.arange(scene.step_count)), scene.error_steps
             self._march(state, starts, np.full(starts.size, scene.time_step), done, 0)
             return
         scene, coarse = self.terms.scene, None
+        times = scene.error_times if times is None else times
         longest = 1 / max(self.terms.fastest, 1 / scene.duration)
         courses = in_time.courses_of(scene)
         for halving in range(in_time.HALVINGS + 1):
-            starts, lengths, done = in_time.step_grid(scene.error_times, courses, longest, halving)
+            starts, lengths, done = in_time.step_grid(times, courses, longest, halving)
             size = 0.6 * lengths.max() * self.terms.fastest
             self._march(state, starts, lengths, done, in_time.series_terms(size))
             if coarse is not None:
@@ -184,7 +190,10 @@ class Steps:
             coarse = state.copy()
 
     def _march(self, state, starts, lengths, done, terms):
-        now, row, first = np.ascontiguousarray(state[:, 0]), 1, 0
+        now, first = np.ascontiguousarray(state[:, 0]), 0
+        # Outputs before the first step, such as one that is no later than 0 but for rounding.
+        row = np.count_nonzero(done == 0)
+        state[:, :row] = now[:, None]
         at_once = max(1, MATRIX_VALUES // (2 * now.size**2))
         while first < starts.size:
             some = slice(first, first + at_once)
@@ -247,38 +256,73 @@ def march(now, matrices, pushes, schedule, done, row, state):
 # --- Bound ----------------------------------------------------------------------------------------
 
 
+def unfollowed(scene: Scene) -> bool:
+    """Whether modulus or damping break more often than can be followed, as the log reports."""
+    found = False
+    for key in ("youngs_modulus", "damping"):
+        changing = scene.changing(key)
+        if changing and not all(np.isfinite(course.missed) for course in changing.courses):
+            found = True
+            logger.warning(
+                "scene %s: %s = %s: it changes more often in time than can be followed: what it "
+                "does between steps is an estimate, and no error of a reduced model is bounded",
+                scene.name, key, getattr(scene, key).text,
+            )  # fmt: skip
+    return found
+
+
 def jumps_upwards(scene: Scene) -> bool:
     """Whether the modulus jumps in time anywhere, so that no bound of the energy holds across."""
     changing = scene.changing("youngs_modulus")
     if changing is None:
         return False
-    breaks = np.unique(np.concatenate([course.breaks for course in changing.courses]))
-    breaks = breaks[(breaks > 0) & (breaks < scene.duration)]
-    before, after = (changing.at(np.nextafter(breaks, way)) for way in (-np.inf, np.inf))
-    return bool((np.abs(after - before) > JUMP * np.abs(before)).any())
+    courses = changing.courses
+    # A break is an edge, or a piece as short as it could be found in.
+    low = [np.append(course.breaks, course.edges[:-1][~course.smooth]) for course in courses]
+    high = [np.append(course.breaks, course.edges[1:][~course.smooth]) for course in courses]
+    low, high = np.concatenate(low), np.concatenate(high)
+    within = (low > 0) & (high < scene.duration)
+    low, high = (np.nextafter(time[within], way) for time, way in ((low, -np.inf), (high, np.inf)))
+    # What is left of a kink between neighbouring numbers is nothing, of a jump all.
+    for _ in range(HALVINGS):
+        before, after = changing.at(low), changing.at(high)
+        jumps = (np.abs(after - before) > JUMP * np.abs(before)).any(axis=1)
+        low, high, before, after = low[jumps], high[jumps], before[jumps], after[jumps]
+        middle = low + (high - low) / 2
+        there = changing.at(middle)
+        left = np.abs(there - before).max(axis=1) > np.abs(after - there).max(axis=1)
+        low, high = np.where(left, low, middle), np.where(left, middle, high)
+    return bool(low.size)
 
 
 def pumping(scene: Scene, times: np.ndarray) -> np.ndarray:
     """g(t) = ½ ∫ max (∂c/∂t)⁺/c ds at ascending times from 0, shape (times,).
 
-    Between two times the larger of both ends is taken, and their difference added.
+    Between two times the larger of both ends is taken, and their difference added; or what the
+    modulus itself gains, which the slope at a kink may not show.
     """
     changing = scene.changing("youngs_modulus")
     if changing is None:
         return np.zeros(times.size)
     slopes = np.stack([course.slopes(times) for course in changing.courses], axis=1)
-    rates = np.empty(times.size)
+    rates, gains = np.empty(times.size), np.zeros(times.size)
+    before = changing.at(times[:1])
     for rows in blocks(times.size):
-        shares = (slopes[rows] @ changing.profiles) / changing.at(times[rows])
+        moduli = changing.at(times[rows])
+        shares = (slopes[rows] @ changing.profiles) / moduli
         rates[rows] = np.maximum(shares.max(axis=1), 0) / 2
+        gains[rows] = np.log(moduli / np.concatenate([before, moduli[:-1]])).max(axis=1) / 2
+        before = moduli[-1:]
     largest = np.maximum(rates[1:], rates[:-1]) + np.abs(np.diff(rates))
-    return np.concatenate([[0.0], np.cumsum(largest * np.diff(times))])
+    grown = np.maximum(largest * np.diff(times), gains[1:])
+    return np.concatenate([[0.0], np.cumsum(grown)])
 
 
 def error_bounds(prepared: Any) -> np.ndarray:
     """Bounds of the energy norm of the error, in norms of the time, at the outputs, (times,).
 
-    Infinite, as the log reports, where the modulus jumps in time.
+    Infinite, as the log reports, where the modulus jumps in time, or a coefficient changes more
+    often than can be followed.
 
     Parameters
     ----------
@@ -286,6 +330,8 @@ def error_bounds(prepared: Any) -> np.ndarray:
         A model exact in time.
     """
     model, scene = prepared.model, prepared.model.scene
+    if unfollowed(scene):
+        return np.full(scene.error_times.size, np.inf)
     if jumps_upwards(scene):
         logger.warning(
             "scene %s: youngs_modulus = %s: it jumps in time, and no error of a reduced model is "
@@ -293,53 +339,43 @@ def error_bounds(prepared: Any) -> np.ndarray:
             scene.name, scene.youngs_modulus.text,
         )  # fmt: skip
         return np.full(scene.error_times.size, np.inf)
-    terms = Terms.of(model)
-    stride, parts = _grid(scene, terms.fastest)
-    interval = scene.error_interval * stride / parts
-    fine = replace(
-        model, scene=replace(scene, error_interval=interval, time_step=interval)
-    ).prepare("lifted_exact")
-    state = fine.new_state()
-    fine.run(scene.velocity0(), state)
-    times = fine.model.scene.error_times
-    sizes = _residual_sizes(model, terms, state, times)
+    times = bound_times(prepared.jumps.terms)
+    state = np.zeros((len(prepared.start), times.size))
+    state[:, 0] = prepared.start @ scene.velocity0()
+    steps = Steps(prepared.jumps.terms, euler=False)
+    steps.run(state, times)
+    sizes = _residual_sizes(model, steps.terms, state, times)
     grown = pumping(scene, times)
     mass, _ = lifted.energy_weights(scene)
     start = mass * scene.velocity0()
     begun = np.linalg.norm(start - model.velocity_modes.T @ state[: len(model.velocity_modes), 0])
-    found = [
-        np.exp(grown[:: 2 // part]) * (begun + _sum_of(sizes[:: 2 // part], grown[:: 2 // part],
-                                                       times[:: 2 // part]))
-        for part in (2, 1)
-    ]  # fmt: skip
-    fine_bound, coarse = found[0][::2], found[1]
+    fine, coarse = (
+        np.exp(grown[::n]) * (begun + _sum_of(sizes[::n], grown[::n], times[::n])) for n in (1, 2)
+    )
+    fine, grown = fine[::2], grown[::2]
     # What the steps of this model miss, and what the force's polynomials do.
     largest = np.linalg.norm(state, axis=0).max()
     _, profiles = scene.force_values(np.zeros(1))
-    left = fine.jumps.time_error * largest + sum(
+    left = steps.time_error * largest + sum(
         course.missed * np.linalg.norm(mass * profile)
         for course, profile in zip(scene.courses(), profiles, strict=True)
     )
-    bound = fine_bound + np.abs(fine_bound - coarse) + np.exp(grown[::2]) * left
+    bound = fine + np.abs(fine - coarse) + np.exp(grown) * left
     # It never falls: of an output between two times of the grid it is that of the later one.
-    later = -(-np.arange(scene.error_times.size) * parts // (2 * stride))
-    return np.maximum.accumulate(bound)[later]
+    later = np.searchsorted(times[::2], scene.error_times)
+    return np.maximum.accumulate(bound)[np.minimum(later, bound.size - 1)]
 
 
-def _grid(scene, fastest):
-    """How many output intervals are cut into how many steps of the bound's grid, an even number.
-
-    Steps resolve the model's fastest wave, and the pieces on which force and coefficients are
-    polynomials, as far as `MOST_TIMES` allow.
-    """
-    pieces = min(part.shortest for part in spans(in_time.courses_of(scene), scene.duration))
-    longest = min(GRID / fastest if fastest > 0 else np.inf, pieces / PIECES)
-    intervals = scene.error_times.size - 1
-    ratio = longest / scene.error_interval
-    if ratio >= 1:
-        stride = next(n for n in range(int(min(ratio, intervals)), 0, -1) if intervals % n == 0)
-        return stride, 2
-    return 1, 2 * max(1, min(int(np.ceil(1 / ratio)), MOST_TIMES // (intervals + 1)))
+def bound_times(terms: Terms) -> np.ndarray:
+    """Times of the bound's grid [s]: every other one is between its neighbours."""
+    end = terms.scene.error_times[-1]
+    count = int(min(np.ceil(max(terms.fastest * end / GRID, 1)), MOST_TIMES))
+    # What is over between two of these, such as a pulse, is seen where the courses have it.
+    seen = instants(list(in_time.courses_of(terms.scene)))
+    every = np.union1d(np.linspace(0, end, count + 1), seen[seen <= end])
+    times = np.empty(2 * every.size - 1)
+    times[::2], times[1::2] = every, (every[1:] + every[:-1]) / 2
+    return times
 
 
 def _sum_of(sizes, grown, times):

@@ -192,6 +192,20 @@ def every_mode(case):
     }
 
 
+def test_damping_that_is_faster_than_waves_shortens_the_steps():
+    """All over the bar it leaves e⁻¹⁰⁰⁰ᵗ of what moves alike, and no wave beside it."""
+    case = made({"damping": "1000*where(t < 0.5, 0, t)", "initial_velocity": 0.01, "duration": 0.6})
+    times = case.error_times
+    expected = 0.01 * np.exp(-500 * np.maximum(times**2 - 0.25, 0))
+    for model in (case, lifted_rom.build(case, every_mode(case)).prepare("lifted_exact")):
+        if model is case:
+            velocity = lifted.solve(case, "exact")["velocity"]
+        else:
+            velocity, strain = np.empty((2, times.size, case.particle_count))
+            model.reconstruct(model.solve(), velocity, strain)
+        np.testing.assert_allclose(velocity, expected[:, None] + 0 * velocity, atol=1e-11)
+
+
 @each
 @pytest.mark.parametrize(
     ("method", "integrator"), [("lifted_exact", "exact"), ("lifted_euler", "explicit_euler")]
@@ -221,11 +235,49 @@ def test_the_bound_is_above_the_error_at_every_output(name):
     assert found["energy_error_lifted"][-1] < 0.1 * found["energy_error_lifted"][0]
 
 
-def test_a_modulus_that_jumps_has_no_bound(caplog):
-    case = made({"youngs_modulus": "0.1*(1 + where(t < 0.5, 0, 1))"})
+def test_the_bound_sees_a_pulse_that_is_over_between_two_outputs():
+    """It pushes a wave that no snapshot has, for a hundredth of the time between two outputs."""
+    force = [
+        "0.02*sin(2*pi*x/L)*sin(3*t)",
+        {"time": "100*exp(-((t - 0.7051)/1e-5)**2)", "profile": "cos(6*pi*x/L)"},
+    ]
+    modulus = "0.1*(1 + 0.1*sin(t))"
+    case = made({"youngs_modulus": modulus, "initial_velocity": 0, "force": force})
+    full = lifted.solve(case, "exact")
+    taken = {f"{field}_snapshots": full[field][:30:3] for field in ("velocity", "strain")}
+    modes = lifted_rom.decompose(case, taken)
+    against = {"velocity": full["velocity"], "density": lifted.density(case, full["strain"])}
+    found = certificate.certify(case, [2, 4], modes, full, against)
+    assert np.all(found["energy_error_lifted"] > 1e-3)
+    assert np.all(found["bound_slack"] >= -10 * coefficients_in_time.TIME_ERROR)
+
+
+@pytest.mark.parametrize(
+    "modulus",
+    ["0.1*(1 + where(t < 0.5, 0, 1))", "where(t < 0.333, 0.1, 0.2)", "0.1 + 0.1*(x < 0.1 + t)"],
+)
+def test_a_modulus_that_jumps_has_no_bound(modulus, caplog):
+    case = made({"youngs_modulus": modulus})
     prepared = lifted_rom.build(case, every_mode(case), 4).prepare("lifted_exact")
     assert np.isinf(reduced_in_time.error_bounds(prepared)).all()
-    assert "youngs_modulus = 0.1*(1 + where(t < 0.5, 0, 1)): it jumps in time" in caplog.text
+    assert f"youngs_modulus = {modulus}: it jumps in time" in caplog.text
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"youngs_modulus": "where(sin(1e9*t) > 0, 0.1, 0.2)"}, {"damping": "1 + sin(1e9*t)"}],
+)
+def test_what_cannot_be_followed_has_no_bound(changes, caplog):
+    prepared = lifted_rom.build(made(changes), every_mode(made(changes)), 4).prepare("lifted_exact")
+    assert np.isinf(reduced_in_time.error_bounds(prepared)).all()
+    (key, text), *_ = changes.items()
+    assert f"{key} = {text}: it changes more often in time than can be followed" in caplog.text
+
+
+def test_a_modulus_with_a_kink_has_a_bound():
+    case = made({"youngs_modulus": "0.1 + 0.1*abs(t - 0.333)"})
+    prepared = lifted_rom.build(case, every_mode(case), 4).prepare("lifted_exact")
+    assert np.isfinite(reduced_in_time.error_bounds(prepared)).all()
 
 
 def test_energy_changes_by_what_the_modulus_does_alone():
