@@ -43,7 +43,7 @@ def share_out(
     -------
     dict
         quantity, parameter, and first_index, total_index with _low and _high, (quantities,
-        parameters); NaN where a query fails or a quantity does not vary.
+        parameters); NaN where a query has no value of a quantity or that does not vary.
     """
     from scipy.stats import sobol_indices, uniform
 
@@ -51,17 +51,22 @@ def share_out(
     ranges = settings["parameters"]
     scalars = [word for word, question in asked.items() if not question.is_curve]
     kept = {word: asked[word] for word in scalars}
+    responses = []
 
     def respond(unit):
         points = samples.spread(ranges, unit.reshape(len(ranges), -1).T)
         found = answer_all(reduced, kept, points, survey["tolerance"])
-        return np.array([found[word] for word in scalars])
+        responses.append(np.array([found[word] for word in scalars]))
+        return responses[-1]
 
     found = sobol_indices(
         func=respond, n=survey["sobol_samples"], dists=[uniform()] * len(ranges), rng=SEED
     )
     spread = found.bootstrap(confidence_level=CONFIDENCE)
     shape = len(scalars), len(ranges)
+    # SciPy gives zeros of what has no variance, as if no parameter mattered.
+    every = np.concatenate(responses, axis=1)
+    unknown = ~(np.ptp(every, axis=1) > 0)
     arrays: dict[str, np.ndarray] = {
         "quantity": np.array(scalars, object),
         "parameter": np.array(list(ranges), object),
@@ -70,5 +75,7 @@ def share_out(
         interval = getattr(spread, f"{kind}_order").confidence_interval
         values = getattr(found, f"{kind}_order"), interval.low, interval.high
         for end, value in zip(("", "_low", "_high"), values, strict=True):
-            arrays[f"{kind}_index{end}"] = np.asarray(value, float).reshape(shape)
+            shares = np.array(value, float).reshape(shape)
+            shares[unknown] = np.nan
+            arrays[f"{kind}_index{end}"] = shares
     return arrays

@@ -180,6 +180,8 @@ def test_greedy_training_and_validation_go_on_where_queries_fold() -> None:
     model = training.train_greedily("bar", physics, keys)
     found = validation.validate("bar", physics, {**keys, "validation": 12}, model)
     failed = found["reason"].astype(bool)
+    shared = sensitivity.share_out("bar", physics, {**keys, "sobol_samples": 4}, model)
+    assert np.isnan(shared["total_index"]).all()
     assert 0 < failed.sum() < 12
     assert np.array_equal(np.isnan(found["true_error"]), failed)
     assert found["inside"][~failed].all()

@@ -1,4 +1,4 @@
-"""Targets that nothing makes, and studies of scenes that they do not apply to, are refused by name."""
+"""Targets that nothing makes, and studies that do not apply to a scene, are refused by name."""
 
 import os
 import re

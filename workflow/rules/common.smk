@@ -486,7 +486,7 @@ def unknown(wildcards):
 
 
 def made_by_none():
-    """Pattern of paths that no rule makes: below the output, bare names, and where no folder is.
+    """Pattern of what no rule makes, below the output, of bare names, and where no folder is.
 
     In other folders that are there files may be somebody's own.
     """
