@@ -35,13 +35,16 @@ def spread_chain(name: str, scene: Mapping[str, Any]) -> dict[str, Any]:
         if instead in scene:
             allowed = f"{key} stand in the place of {instead}; one of both is allowed"
             raise refusal(name, instead, scene[instead], allowed)
-        if not isinstance(value, list) or not all(map(_is_positive, value)):
+        if not isinstance(value, list):
             raise refusal(name, key, value, "it must be a list of positive numbers")
+        for number, one in enumerate(value):
+            if not _is_positive(one):
+                raise refusal(name, f"{key}.{number}", one, "it must be a positive number")
         if isinstance(count, int) and len(value) != count:
             allowed = f"it must have one for each of {count} particles, and has {len(value)}"
             raise refusal(name, key, value, allowed)
     for key in ("positions", "boundary"):
-        if key in scene:
+        if scene.get(key, "periodic") != "periodic":
             allowed = "a chain of masses and springs is periodic and evenly spaced"
             raise refusal(name, key, scene[key], allowed)
     kept = {key: value for key, value in scene.items() if key not in INSTEAD}

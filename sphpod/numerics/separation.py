@@ -40,6 +40,12 @@ POINTS = 33
 PRODUCTS = 64
 """Products that a formula is written as, at most."""
 
+LOOKED_AT = 64
+"""Places and times at which parts of a formula are compared with it."""
+
+ROUGHLY = 1e-6
+"""Part of the largest value by which they may differ, as large arguments of sines are rounded."""
+
 MOST_PLACES = 4096
 """Places at all of which a function may be followed."""
 
@@ -179,12 +185,26 @@ def _separate(text, constants, duration, places):
     expression, places = Expression(text, ("x", "t"), dict(constants)), np.frombuffer(places)
     parts = _parts(ast.parse(text.strip(), mode="eval").body)
     if parts is not None:
-        return Products(
+        found = Products(
             tuple(Expression(_text(g), ("t",), dict(constants)) for g, _ in parts),
             tuple(None if p is None else Expression(_text(p), ("x",), dict(constants))
                   for _, p in parts),
         )  # fmt: skip
+        if _add_up(found, expression, duration, places):
+            return found
     return _interpolated(expression, duration, places)
+
+
+def _add_up(found, expression, duration, places):
+    """Whether no part is beyond double precision where the formula is not, as exponents may be."""
+    x, times = places[:: max(1, places.size // LOOKED_AT)], np.linspace(0, duration, LOOKED_AT)
+    x = np.append(x, places[-1])
+    expected = expression(x=x[:, None], t=times)
+    with np.errstate(all="ignore"):
+        sums = found.profiles(x).T @ np.array([factor(t=times) for factor in found.factors])
+        known = np.isfinite(expected)
+        allowed = ROUGHLY * np.abs(expected[known]).max(initial=0)
+        return bool((np.abs(sums - expected)[known] <= allowed).all())
 
 
 # --- Parts of a formula ---------------------------------------------------------------------------

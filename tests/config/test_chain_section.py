@@ -59,12 +59,16 @@ def test_the_chain_moves_in_its_own_modes():
     assert np.isfinite(lifted.solve(scene, "exact")["velocity"]).all()
 
 
+def test_a_chain_may_be_called_periodic():
+    assert loaded(boundary="periodic")["references"] == ["chain"]
+
+
 @pytest.mark.parametrize(
     ("changes", "parts"),
     [
         ({"springs": None}, ["springs = (missing)", "belong together"]),
         ({"masses": MASSES[:7]}, ["masses = [0.02", "one for each of 8 particles, and has 7"]),
-        ({"springs": [1, -1] * 4}, ["springs = [1, -1", "list of positive numbers"]),
+        ({"springs": [1, -1] * 4}, ["springs.1 = -1", "must be a positive number"]),
         ({"masses": "1"}, ["masses = 1", "list of positive numbers"]),
         ({"initial_density": 1}, ["initial_density = 1", "in the place of initial_density"]),
         ({"boundary": ["fixed", "fixed"]}, ["boundary", "periodic and evenly spaced"]),
