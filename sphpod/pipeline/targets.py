@@ -71,8 +71,8 @@ def _within(path, made, output, names) -> str:
         files = [one[depth] for one in rest if len(one) == depth + 1]
         rest = [one for one in rest if len(one) > depth + 1]
         folders = list(dict.fromkeys(one[depth] for one in rest))
-        free = [wildcard[1] for one in folders if (wildcard := WILDCARD.fullmatch(one))]
-        known = {}
+        free = [found[1] for one in folders if (found := WILDCARD.fullmatch(one))]
+        known: dict[str, str] = {}
         for wildcard in free:
             listed = names(wildcard, place)
             any_goes = [part] if depth < len(path.parts) - 1 else []
