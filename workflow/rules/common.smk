@@ -473,7 +473,7 @@ def names_of(wildcard, place):
 
 def makers():
     """Rules that make what they are asked for."""
-    return [each for each in workflow.rules if each.name != "unknown"]
+    return [each for each in workflow.rules if each.name != "unknown_target"]
 
 
 def unknown(wildcards):

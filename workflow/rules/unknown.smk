@@ -1,7 +1,7 @@
 """What no rule makes is refused by name, with what is made in its place."""
 
 
-rule unknown:
+rule unknown_target:
     input:
         unknown,
     output:
