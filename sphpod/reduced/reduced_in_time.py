@@ -270,9 +270,10 @@ def jumps_upwards(scene: Scene) -> bool:
         return False
     courses = changing.courses
     # A break is an edge, or a piece as short as it could be found in.
-    low = [np.append(course.breaks, course.edges[:-1][~course.smooth]) for course in courses]
-    high = [np.append(course.breaks, course.edges[1:][~course.smooth]) for course in courses]
-    low, high = np.concatenate(low), np.concatenate(high)
+    low, high = (
+        np.concatenate([np.append(c.breaks, c.edges[side][~c.smooth]) for c in courses])
+        for side in (slice(-1), slice(1, None))
+    )
     within = (low > 0) & (high < scene.duration)
     low, high = (np.nextafter(time[within], way) for time, way in ((low, -np.inf), (high, np.inf)))
     # What is left of a kink between neighbouring numbers is nothing, of a jump all.
