@@ -326,6 +326,9 @@ def _interpolated(expression, duration, places):
         # What is not finite is refused by the checks of a scene, which name where it is so.
         values = np.where(np.isfinite(values), values, 0.0)
         rows, columns = _crosses(values)
+        if not rows.size:
+            # Zero at all places and times, such as what is switched on after the end.
+            return Products((Expression(0, ("t",), expression.constants),), (None,))
         found = Interpolated(
             expression,
             places[rows],

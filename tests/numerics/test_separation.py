@@ -69,6 +69,11 @@ def test_what_breaks_at_places_that_travel_is_followed_at_every_particle(text):
     np.testing.assert_allclose(values(found, between, TIMES), halves, atol=1e-12)
 
 
+def test_what_is_nothing_before_the_end_is_nothing():
+    _, found = made("where(t < 6, 0, where(x < 1, 2, 0))")
+    assert not values(found, PLACES, TIMES).any()
+
+
 def test_too_many_places_for_that_are_refused():
     many = np.arange(5000) / 2500
     with pytest.raises(ValueError, match=r"^it is no sum of few products .* 4096 at most$"):
