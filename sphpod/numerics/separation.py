@@ -46,6 +46,9 @@ LOOKED_AT = 64
 ROUGHLY = 1e-6
 """Part of the largest value by which they may differ, as large arguments of sines are rounded."""
 
+MOST_TERMS = 256
+"""Terms of an interpolation, at most; what needs more breaks somewhere."""
+
 MOST_PLACES = 4096
 """Places at all of which a function may be followed."""
 
@@ -336,7 +339,8 @@ def _interpolated(expression, duration, places):
             tuple(expression.at("x", float(place)) for place in places[rows]),
         )
         allowed = 100 * ACCURACY * np.abs(values).max(initial=0)
-        if rows.size < places.size and _missed(found, places, judged_at) <= allowed:
+        few = rows.size <= MOST_TERMS and rows.size < places.size
+        if few and _missed(found, places, judged_at) <= allowed:
             return found
     if places.size > MOST_PLACES:
         raise ValueError(
@@ -360,7 +364,7 @@ def _crosses(values):
     rows: list[int] = []
     columns: list[int] = []
     limit = ACCURACY * np.abs(values).max(initial=0)
-    while len(rows) < min(values.shape):
+    while len(rows) < min(*values.shape, MOST_TERMS + 1):
         row, column = np.unravel_index(np.argmax(np.abs(left)), left.shape)
         if np.abs(left[row, column]) <= limit:
             break
