@@ -36,7 +36,7 @@ def names(wildcard, place):
         ("Liftd2", "target = Liftd2: did you mean lifted? allowed are all, lifted"),
         ("README.md", "target = README.md: allowed are all, lifted"),
         ("pod.nc", "target = pod.nc: did you mean small/results/{scene}/{sampling}/pod.nc? allow"),
-        ("small/results/Claims.csv", "results: file = Claims.csv: did you mean claims.csv? allo"),
+        ("small/results/Claims.csv", "results: file = Claims.csv: did you mean claims.csv?"),
         ("small/results/wave/b/c/d.nc", "scene = wave: did you mean waves? allowed are waves, "),
         ("small/results/waves/X/c/d.nc", "scene waves: sampling = X: allowed are uniform10"),
         ("small/results/graded/x/y.nc", "scene graded: sampling = x: there is none"),
