@@ -11,7 +11,7 @@ from pydantic import Discriminator, Field, Tag
 from sphpod.config.fields import LARGEST_SEED, ModeCount, Name, ParameterName, Section, left_out
 from sphpod.config.reading import refusal
 from sphpod.config.scene_section import Parameter, Time
-from sphpod.numerics.expressions import Expression
+from sphpod.numerics.expressions import Expression, reads
 from sphpod.scene import checks
 from sphpod.scene.scene import PROFILES, Scene, is_whole
 from sphpod.surveys import samples
@@ -381,4 +381,4 @@ def _expressions(settings: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _names(text):
-    return {node.id for node in ast.walk(ast.parse(text.strip())) if isinstance(node, ast.Name)}
+    return reads(ast.parse(text.strip()))

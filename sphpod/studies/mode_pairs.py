@@ -123,7 +123,7 @@ def draw(pairs: Arrays) -> "Figure":
         ]
         shown = np.ma.masked_invalid(np.maximum(ratio, 1 / span))
         mesh = axes.pcolormesh(*edges, shown, norm=norm, cmap="RdBu_r", rasterized=True)
-        # The pattern hangs on the page, so that neighbouring pairs have one.
+        # The pattern is fixed to the page, so that neighbouring pairs have one.
         noise = np.ma.masked_where(pairs["pair_resolved"].astype(bool), np.zeros(ratio.shape))
         if noise.count():
             look: dict[str, Any] = {

@@ -9,6 +9,8 @@ does not.
 import ast
 from collections.abc import Collection
 
+from sphpod.numerics.expressions import reads
+
 Terms = list[tuple[str, str]]
 """Of each term, the text of its factor of parameters and that of its factor of x."""
 
@@ -24,7 +26,7 @@ def separate(text: str, parameters: Collection[str]) -> Terms | None:
 
 
 def _terms(node, parameters):
-    found = names(node)
+    found = reads(node)
     if not found & parameters:
         return [(ONE, ast.unparse(node))]
     if not found & VARIABLES:
@@ -47,11 +49,6 @@ def _terms(node, parameters):
         case ast.Call(func=ast.Name(id="where"), args=[where, one, other]):
             return _cases(where, one, other, parameters)
     return None
-
-
-def names(node: ast.AST) -> frozenset[str]:
-    """Names that stand in an expression."""
-    return frozenset(part.id for part in ast.walk(node) if isinstance(part, ast.Name))
 
 
 def _joined(one, other):
@@ -89,13 +86,13 @@ def _series(series, parameters):
         ):
             within = _terms(item, parameters)
             over = " ".join(ast.unparse(loop) for loop in loops)
-            indices = frozenset().union(*(names(loop.target) for loop in loops))
-            bounds = frozenset().union(*(names(loop.iter) for loop in loops))
+            indices = frozenset().union(*(reads(loop.target) for loop in loops))
+            bounds = frozenset().union(*(reads(loop.iter) for loop in loops))
             if within is None or (bounds & (parameters | VARIABLES)):
                 return None
             summed = []
             for g, h in within:
-                in_g, in_h = (bool(names(ast.parse(part)) & indices) for part in (g, h))
+                in_g, in_h = (bool(reads(ast.parse(part)) & indices) for part in (g, h))
                 if in_g and in_h:
                     return None
                 summed.append((g, f"sum({h} {over})") if in_h else (f"sum({g} {over})", h))
@@ -105,7 +102,7 @@ def _series(series, parameters):
 
 def _cases(where, one, other, parameters):
     """Terms of what is one thing at some places and another elsewhere."""
-    if names(where) & parameters:
+    if reads(where) & parameters:
         return None
     place = ast.unparse(where)
     first, second = _terms(one, parameters), _terms(other, parameters)
