@@ -22,7 +22,8 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.scene.scene import Scene, parameter_values
+from sphpod.scene.scene import Scene, derivative_matrix, parameter_values
+from sphpod.surveys.corrected import Line, bands
 from sphpod.surveys.fields import ParametricField, at_half_cells, at_particles
 
 Values = Mapping[str, float]
@@ -39,31 +40,12 @@ class VelocityPart:
     mass : array, shape (K, K)
     damping : array, shape (terms, K, K)
     load, start : arrays, shape (terms, K)
-    factor : array, shape (rows, K' + K damping terms + force terms + start terms + K)
-        QR factor of √(Vh) [GΨᵀ/h, d_j Φᵀ, p_j, v0_j, Φᵀ].
     """
 
     mass: np.ndarray
     damping: np.ndarray
     load: np.ndarray
     start: np.ndarray
-    factor: np.ndarray
-
-
-@dataclass(frozen=True)
-class StressPart:
-    """All that depends on the modulus, for c = g h.
-
-    Attributes
-    ----------
-    compliance : array, shape (K', K')
-        To be divided by g.
-    factor : array, shape (rows, K + K')
-        QR factor of [√(Vh) GΦᵀ, √(V/h) Ψᵀ].
-    """
-
-    compliance: np.ndarray
-    factor: np.ndarray
 
 
 class Operators:
@@ -128,6 +110,11 @@ class Operators:
         return self.damping is None or self.damping.is_even
 
     @cached_property
+    def gradient(self) -> np.ndarray:
+        """The SPH derivative G [1/m] in bands, (N, width)."""
+        return bands(derivative_matrix(self.nominal))
+
+    @cached_property
     def _damping_signs(self):
         """Of each term of the damping, its sign if it has one everywhere, else NaN."""
         assert self.damping is not None
@@ -142,15 +129,36 @@ class Operators:
 
     @cached_property
     def _velocity(self) -> VelocityPart:
-        def profiles(field):
-            return self._none if field is None else field.profiles
+        return self._velocity_of(self.density.shape, *self._profiles)
 
-        fields = (profiles(f) for f in (self.damping, self.load, self.start))
-        return self._velocity_of(self.density.shape, *fields)
+    @property
+    def _profiles(self):
+        fields = self.damping, self.load, self.start
+        return [self._none if f is None else f.profiles for f in fields]
 
     @cached_property
-    def _stress(self) -> StressPart:
-        return self._stress_of(self.modulus.shape)
+    def _compliance(self) -> np.ndarray:
+        return self._compliance_of(self.modulus.shape)
+
+    @cached_property
+    def velocity_factor(self) -> np.ndarray:
+        """QR factor of √(Vh) [GΨᵀ/h, d_j Φᵀ, p_j, v0_j, Φᵀ] for ρ0 = g h."""
+        damping, load, start = self._profiles
+        density, modes = self.density.shape, self.velocity_modes.T
+        columns = [self.pull / density[:, None], *(d[:, None] * modes for d in damping)]
+        columns += [load.T, start.T, modes]
+        root = np.sqrt(self.volumes * density)[:, None]
+        return np.asarray(np.linalg.qr(root * np.concatenate(columns, axis=1), mode="r"))
+
+    @cached_property
+    def stress_factor(self) -> np.ndarray:
+        """QR factor of [√(Vh) GΦᵀ, √(V/h) Ψᵀ] for c = g h."""
+        modulus = self.modulus.shape
+        stiff, soft = (
+            np.sqrt(part)[:, None] for part in (self.volumes * modulus, self.volumes / modulus)
+        )
+        columns = [stiff * self.stretch, soft * self.stress_modes.T]
+        return np.asarray(np.linalg.qr(np.concatenate(columns, axis=1), mode="r"))
 
     @property
     def _none(self):
@@ -177,20 +185,23 @@ class Operators:
         _not_negative("damping", rows[0])
         return self._velocity_of(density, *rows), 1.0, [np.ones(len(r)) for r in rows]
 
-    def stress_part(self, values: Values) -> tuple[StressPart, float]:
-        """The part and g; raises ValueError where the modulus is not positive at a particle."""
+    def compliance(self, values: Values) -> tuple[np.ndarray, float]:
+        """g S for c = g h, shape (K', K'), and g.
+
+        Raises
+        ------
+        ValueError
+            The modulus is not positive at a particle.
+        """
         if self.is_affine[1]:
-            return self._stress, _positive("youngs_modulus", self.modulus.scale(values))
+            return self._compliance, _positive("youngs_modulus", self.modulus.scale(values))
         modulus = self.modulus.at(values)
         _positive("youngs_modulus", modulus)
-        return self._stress_of(modulus), 1.0
+        return self._compliance_of(modulus), 1.0
 
     def _velocity_of(self, density, damping, load, start):
-        modes, weights = self.velocity_modes, self.volumes * density
-        root = np.sqrt(weights)[:, None]
-        columns = [self.pull / density[:, None], *((d * modes).T for d in damping)]
-        columns += [load.T, start.T, modes.T]
-        weighted = modes * weights
+        modes = self.velocity_modes
+        weighted = modes * (self.volumes * density)
         return VelocityPart(
             weighted @ modes.T,
             np.array([(weighted * d) @ modes.T for d in damping]).reshape(
@@ -198,14 +209,17 @@ class Operators:
             ),
             load @ weighted.T,
             start @ weighted.T,
-            np.asarray(np.linalg.qr(root * np.concatenate(columns, axis=1), mode="r")),
         )
 
-    def _stress_of(self, modulus):
-        stiff = np.sqrt(self.volumes * modulus)[:, None]
-        soft = np.sqrt(self.volumes / modulus)[:, None] * self.stress_modes.T
-        columns = np.concatenate([stiff * self.stretch, soft], axis=1)
-        return StressPart(soft.T @ soft, np.asarray(np.linalg.qr(columns, mode="r")))
+    def _compliance_of(self, modulus):
+        return (self.stress_modes * (self.volumes / modulus)) @ self.stress_modes.T
+
+    def line(self, values: Values, strength: float) -> Line:
+        """The lifted full model, of a force of some strength; of the size of the particles."""
+        density, modulus, start = (f.at(values) for f in (self.density, self.modulus, self.start))
+        damping = 0.0 if self.damping is None else self.damping.at(values)
+        force = (self._none if self.load is None else strength * self.load.at(values)[None]).T
+        return Line.of(self.gradient, self.volumes, density, modulus, damping, start, force)
 
     def least_stiffness(self, values: Values) -> float:
         """The smallest √(V c) of a particle."""

@@ -19,9 +19,10 @@ from scipy.linalg import solve_triangular
 from sphpod.numerics import propagator
 from sphpod.numerics.course import Course
 from sphpod.numerics.expressions import Expression
-from sphpod.reduced.error_bound import Bound, Map, over_time
 from sphpod.reduced.lifted_rom import OwnModes, eigenmodes, normal_modes
 from sphpod.scene.scene import Scene
+from sphpod.surveys.corrected import corrected_bound
+from sphpod.surveys.driven import driven_bound
 from sphpod.surveys.oscillating import oscillating_bound
 from sphpod.surveys.parts import Operators, Values
 from sphpod.surveys.terms import separate
@@ -122,20 +123,6 @@ class Query:
         return both[:, :kv], both[:, kv:]
 
 
-@dataclass(frozen=True)
-class _Norms:
-    """What `over_time` asks of a full model, as norms alone."""
-
-    scene: Scene
-    start: np.ndarray
-    courses: tuple[Course, ...]
-    forces: np.ndarray
-
-    @property
-    def missed(self) -> float:
-        return float(sum(self.forces[0, n] * one.missed for n, one in enumerate(self.courses)))
-
-
 class Survey:
     """Models of the operators for any parameters.
 
@@ -181,8 +168,8 @@ class Survey:
         alone = Expression(self._text, ("t",), {**self._constants, **values})
         return (Course.of(alone, self._times[-1]),), 1.0
 
-    def model(self, values: Values) -> tuple[Query, Any, Any]:
-        """The model of all modes, and the parts and factors that its residual is of.
+    def model(self, values: Values) -> tuple[Query, Any]:
+        """The model of all modes, and the factors that its residual is of.
 
         Raises
         ------
@@ -193,9 +180,9 @@ class Survey:
         velocity, scale, (damped, loaded, started) = operators.velocity_part(values)
         courses, strength = self.courses(values)
         loaded = strength * loaded
-        stress, stiff = stress_found = operators.stress_part(values)
+        compliance, stiff = operators.compliance(values)
         lower = _cholesky(scale * velocity.mass)
-        soft = _cholesky(stress.compliance / stiff)
+        soft = _cholesky(compliance / stiff)
 
         def within(matrix):
             return solve_triangular(lower, matrix, lower=True, check_finite=False)
@@ -222,52 +209,7 @@ class Survey:
             operators.rigid,
             courses,
         )
-        return query, (velocity, scale, (damped, loaded, started)), stress_found
-
-    def residual(self, query: Query, velocity_found: Any, stress_found: Any):
-        """Columns of the residual by own coordinates and force, and what starts beside the modes.
-
-        Returns
-        -------
-        velocity, stress : arrays, shape (rows, coordinates + forces)
-            Of the same norms as the residuals of all particles, scaled by their energies.
-        beside : float
-            Energy norm of the initial velocity that the modes do not hold.
-        start_norm, force_norm : float
-            Energy norms of the initial velocity and of the force's profile.
-        """
-        part, scale, (damped, loaded, started) = velocity_found
-        stress_part, stiff = stress_found
-        own, kv, ke = query.own, len(query.velocity_modes), len(query.stress_modes)
-        a = query.velocity_modes.T @ own.to_modes[:kv]
-        b = query.stress_modes.T @ own.to_modes[kv:]
-        push = query.push
-        ends = np.cumsum(
-            [len(self.operators.stress_modes)]
-            + [len(part.mass)] * len(damped)
-            + [len(loaded), len(started)]
-        )
-        pull, *damping, load, start, modes = np.split(part.factor, ends, axis=1)
-        modes = modes[:, :kv]
-        root = np.sqrt(scale)
-        columns = pull[:, :ke] @ b / scale - modes @ (a @ own.operator)
-        for factor, each in zip(damped, damping, strict=True):
-            columns = columns - factor * each[:, :kv] @ a
-        left = (load @ loaded)[:, None][:, : push.shape[1]] - modes @ (a @ push)
-        velocity = root * np.concatenate([columns, left], axis=1)
-        stretch, soft = np.split(stress_part.factor, [len(part.mass)], axis=1)
-        soft = soft[:, :ke]
-        strained = np.sqrt(stiff) * stretch[:, :kv] @ a - soft @ (b @ own.operator) / np.sqrt(stiff)
-        stress = np.concatenate([strained, -soft @ (b @ push) / np.sqrt(stiff)], axis=1)
-        begun = start @ started
-        beside = root * np.linalg.norm(begun - modes @ (a @ query.own_start))
-        return (
-            velocity,
-            stress,
-            beside,
-            root * np.linalg.norm(begun),
-            root * np.linalg.norm(load @ loaded),
-        )
+        return query, (scale, stiff, damped, loaded, started, strength)
 
     def answer(self, values: Values) -> "Answer":
         """Solve a query and bound its error, at the times of the outputs.
@@ -277,26 +219,75 @@ class Survey:
         ValueError
             As `model`.
         """
-        whole, *parts = self.model(values)
+        whole, factors = self.model(values)
         query = whole.leading(self.count)
         coordinates = query.coordinates(query.solve())
         # A model that is compared with itself is told nothing of its error.
         difference = np.full(self._times.size, np.nan)
         if len(whole.start) > len(query.start):
             difference = _difference(coordinates, whole.coordinates(whole.solve()))
-        bound, start_norm, force_norm = self._bound(query, parts)
-        found = Answer(query, coordinates, bound, start_norm, difference, force_norm)
-        if found.relative_bound <= self.tolerance or len(whole.start) == len(query.start):
-            return found
-        beyond, *_ = self._bound(whole, parts)
-        return replace(found, bound=np.minimum(bound, difference + beyond))
 
-    def _bound(self, query, parts):
-        """Bound of a model's error at the outputs, and norms of the start and of the force."""
-        velocity, stress, beside, *norms = self.residual(query, *parts)
+        def answered(bound, start_norm, force_norm):
+            return Answer(query, coordinates, bound, start_norm, difference, force_norm)
+
+        found = None
+        if all(self.operators.is_affine):
+            found = answered(*self._bound(query, factors))
+            if found.relative_bound <= self.tolerance:
+                return found
+        sharper = answered(*self._corrected(query, values, factors))
+        return min(found or sharper, sharper, key=lambda answer: answer.relative_bound)
+
+    def _bound(self, query, factors):
+        """Bound of the error at the outputs, of arrays of the size of the model.
+
+        Returns
+        -------
+        bound : array, shape (times,)
+        start_norm, force_norm : floats
+            Energy norms of the initial velocity and of the force's profile.
+        """
+        scale, stiff, damped, loaded, started, _ = factors
+        operators, own, push = self.operators, query.own, query.push
+        kv, ke = len(query.velocity_modes), len(query.stress_modes)
+        most, counts = len(operators.velocity_modes), (len(loaded), len(started))
+        a = query.velocity_modes.T @ own.to_modes[:kv]
+        b = query.stress_modes.T @ own.to_modes[kv:]
+        ends = np.cumsum([len(operators.stress_modes), *[most] * len(damped), *counts])
+        pull, *damping, load, start, modes = np.split(operators.velocity_factor, ends, axis=1)
+        modes = modes[:, :kv]
+        columns = pull[:, :ke] @ b / scale - modes @ (a @ own.operator)
+        for factor, each in zip(damped, damping, strict=True):
+            columns = columns - factor * each[:, :kv] @ a
+        left = (load @ loaded)[:, None][:, : push.shape[1]] - modes @ (a @ push)
+        velocity = np.sqrt(scale) * np.concatenate([columns, left], axis=1)
+        stretch, soft = np.split(operators.stress_factor, [most], axis=1)
+        rate = b @ np.concatenate([own.operator, push], axis=1)
+        stress = -soft[:, :ke] @ rate / np.sqrt(stiff)
+        stress[:, : len(own.operator)] += np.sqrt(stiff) * stretch[:, :kv] @ a
+        begun = start @ started
+        beside, *sizes = np.sqrt(scale) * np.array(
+            [
+                np.linalg.norm(each)
+                for each in (begun - modes @ (a @ query.own_start), begun, load @ loaded)
+            ]
+        )
         if query.uniform is not None and not query.courses:
-            return oscillating_bound(query, velocity, stress, float(beside), norms[0]), *norms
-        return _driven_bound(query, velocity, stress, float(beside), norms), *norms
+            return oscillating_bound(query, velocity, stress, beside, sizes[0]), *sizes
+        damping = query.uniform or 0.0
+        return driven_bound(query, velocity, stress, damping, beside, sizes), *sizes
+
+    def _corrected(self, query, values, factors):
+        """The same of corrected modes, of arrays of the size of the particles."""
+        operators, own = self.operators, query.own
+        kv, ke = len(query.velocity_modes), len(query.stress_modes)
+        line = operators.line(values, factors[-1])
+        velocity = operators.velocity_modes[:kv].T @ (query.velocity_modes.T @ own.to_modes[:kv])
+        stress = operators.stress_modes[:ke].T @ (query.stress_modes.T @ own.to_modes[kv:])
+        bound = corrected_bound(
+            query, line, line.mass[:, None] * velocity, line.softness[:, None] * stress
+        )
+        return bound, float(np.linalg.norm(line.start)), float(np.linalg.norm(line.force))
 
 
 @dataclass(frozen=True)
@@ -363,29 +354,6 @@ def _cholesky(matrix):
     if np.any(np.diag(lower) <= DEPENDENT * np.sqrt(np.diag(matrix))):
         raise ValueError("the shared modes are linearly dependent")
     return lower
-
-
-def _driven_bound(query: Any, velocity, stress, beside, norms):
-    """Bound of the energy norm of the error at the outputs, with a force or uneven damping."""
-    push = query.push
-    full = _Norms(
-        query.scene, np.array([norms[0]]), query.courses, np.full((1, len(query.courses)), norms[1])
-    )
-    residual = Map.of(query, push, np.concatenate([velocity, stress]))
-    bound = Bound(beside, None, residual, *_damped(query, push, velocity, stress))
-    (over,) = over_time(full, query, query.own_start, [bound], 0.0)
-    return over + full.missed
-
-
-def _damped(query, push, velocity, stress):
-    """Maps of the residual of velocity, which damping takes up, and of that of stress."""
-    damping = query.uniform
-    if not damping or damping * query.scene.duration < 1:
-        return None, None
-    return (
-        Map.of(query, push, velocity / (2 * np.sqrt(damping))),
-        Map.of(query, push, stress),
-    )
 
 
 def _difference(some, more):

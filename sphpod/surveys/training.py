@@ -124,7 +124,8 @@ def train_greedily(
         found = train(name, settings, survey, runs)
         if len(runs) == keys["count"] or not len(candidates):
             return found
-        reduced = Survey(Operators(name, settings, found), int(found["mode_count"]), np.inf)
+        operators = Operators(name, settings, found)
+        reduced = Survey(operators, int(found["mode_count"]), survey["tolerance"])
         bounds = np.array([_bound_at(reduced, _values(settings, each)) for each in candidates])
         worst = int(bounds.argmax())
         logger.info("%d training runs: bounds up to %.3g", len(runs), bounds[worst])
@@ -159,7 +160,7 @@ def _fewest(name, settings, tolerance, shared, points):
     low, high = int(shared["translation"]), len(shared["velocity_modes"])
 
     def suffices(count):
-        survey = Survey(operators, count, np.inf)
+        survey = Survey(operators, count, tolerance)
         answers = (survey.answer(_values(settings, point)) for point in points)
         return all(answer.relative_bound <= tolerance for answer in answers)
 
