@@ -33,8 +33,14 @@ from sphpod.numerics.compiled import compiled_sums
 from sphpod.surveys.driven import driven_bound
 from sphpod.surveys.oscillating import oscillating_bound
 
-SLOWER = 0.5
-"""Shift of a complex mode, of the rate at which it decays or else of 1/T."""
+SHIFTS = 1.0, 4.0
+"""ρ of complex modes that are tried, of the rate at which a mode decays, or else of 1/T.
+
+The larger one is the better where modes of nearly one frequency are not told apart.
+"""
+
+LEAST_SQUARES = 3.0
+"""ρ of oscillators, of that of complex modes: its square is left, instead of itself."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +90,9 @@ class Line:
         return [self.pull(stress) - (self.damping * velocity.T).T, -self.stretch(velocity)]
 
 
-def corrected_bound(query: Any, line: Line, velocity: np.ndarray, stress: np.ndarray) -> np.ndarray:
+def corrected_bound(
+    query: Any, line: Line, velocity: np.ndarray, stress: np.ndarray, shift: float
+) -> np.ndarray:
     """Bound of the energy norm of the error at the outputs, (times,).
 
     Parameters
@@ -94,11 +102,13 @@ def corrected_bound(query: Any, line: Line, velocity: np.ndarray, stress: np.nda
         Its full model.
     velocity, stress : arrays, shape (N, coordinates)
         Its own modes, scaled.
+    shift : float
+        One of `SHIFTS`.
     """
     operator, push, z = query.own.operator, query.push, query.own_start
     modes = [velocity, stress]
     left = [rate - mode @ operator for rate, mode in zip(line.rates(*modes), modes, strict=True)]
-    changes = _changes(query, line, *left)
+    changes = _changes(query, line, shift, *left)
     for n, (rate, change) in enumerate(zip(line.rates(*changes), changes, strict=True)):
         left[n] = left[n] + rate - change @ operator
         modes[n] = modes[n] + change
@@ -106,44 +116,50 @@ def corrected_bound(query: Any, line: Line, velocity: np.ndarray, stress: np.nda
     size = float(np.linalg.norm(line.start))
     change = np.concatenate(changes)
     if query.uniform is not None and not query.courses:
-        bound = oscillating_bound(query, *left, beside, size)
+        bound = oscillating_bound(query, left[0], left[1], beside, size)
         moved = np.linalg.qr(change, mode="r") @ query.solve()
         return bound + np.linalg.norm(moved, axis=0)
     forced = [line.force - modes[0] @ push, -modes[1] @ push]
-    rows = [np.concatenate(pair, axis=1) for pair in zip(left, forced, strict=True)]
+    pulled, stretched = (np.concatenate(pair, axis=1) for pair in zip(left, forced, strict=True))
     sizes = size, float(np.linalg.norm(line.force))
-    return driven_bound(query, *rows, line.damping, beside, sizes, change)
+    return driven_bound(query, pulled, stretched, line.damping, beside, sizes, change)
 
 
-def _changes(query, line, velocity, stress):
+def _changes(query, line, shift, velocity, stress):
     """X of the residual R, (N, coordinates) each."""
     own, changes = query.own, [np.zeros_like(velocity), np.zeros_like(stress)]
     if own.blocks.shape[-1] > 2:
         return changes
     count = len(own.blocks)
     pairs = count - own.singles
-    blocks, longest = own.blocks[:pairs], 1 / query.scene.duration
+    longest = 1 / query.scene.duration
     if own.apart:
-        frequency, decay = blocks[:, 0, 1], (query.uniform or 0.0) / 2
+        frequency, decay = own.blocks[:pairs, 0, 1], (query.uniform or 0.0) / 2
         if decay:
             slow = np.minimum(frequency, decay)
             decay = slow * (slow / decay)
-        shift = frequency + 2j * np.maximum(longest, decay)
+        rate = LEAST_SQUARES * shift * np.maximum(longest, decay)
+        value = frequency + 1j * rate
         pushed, pulled = velocity[:, count:], stress[:, :pairs]
-        right = line.pull(pulled) - shift * pushed
-        alpha = _solved(line, right, -(shift**2)[:, None])
+        right = line.pull(pulled) - value * pushed
+        alpha = _solved(line, right, -(value**2)[:, None])
         changes[0][:, :pairs] = alpha.real
-        changes[1][:, count:] = ((_stretched(line, alpha) - pulled) / shift).real
+        changes[1][:, count:] = ((_stretched(line, alpha) - pulled) / value).real
         return changes
-    value = blocks[:, 0, 0] - 1j * blocks[:, 0, 1]
-    value = value + SLOWER * np.maximum(longest, -value.real)
-    pushed, pulled = (part[:, :pairs] - 1j * part[:, count:] for part in (velocity, stress))
+    value = own.blocks[:, 0, 0] - 1j * own.blocks[:, 0, 1]
+    # Along the imaginary axis a mode that is real is shifted away from others that are.
+    away = np.where(np.arange(count) < pairs, 1, 1j)
+    value = value + shift * away * np.maximum(longest, -value.real)
+    pushed, pulled = (
+        part[:, :count] - 1j * np.pad(part[:, count:], ((0, 0), (0, own.singles)))
+        for part in (velocity, stress)
+    )
     turned = line.pull(pulled.real) + 1j * line.pull(pulled.imag)
     shifts = value[:, None] * (value[:, None] + np.broadcast_to(line.damping, len(velocity)))
     alpha = _solved(line, value * pushed + turned, shifts)
     beta = (pulled - _stretched(line, alpha)) / value
     for change, found in zip(changes, (alpha, beta), strict=True):
-        change[:, :pairs], change[:, count:] = found.real, -found.imag
+        change[:, :count], change[:, count:] = found.real, -found[:, :pairs].imag
     return changes
 
 
