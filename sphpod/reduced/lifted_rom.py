@@ -411,9 +411,17 @@ class OwnModes:
     @cached_property
     def operator(self) -> np.ndarray:
         """The reduced operator of the own coordinates [1/s], (coordinates, coordinates)."""
+        if self.blocks.shape[-1] > 2:
+            return self.blocks[0]
+        count = len(self.blocks)
+        first = np.arange(count)
+        second = np.arange(count, len(self.to_modes))
+        pairs = first[: second.size]
         result = np.zeros((len(self.to_modes),) * 2)
-        for block, members in zip(self.blocks, self.members, strict=True):
-            result[np.ix_(members, members)] = block[: members.size, : members.size]
+        result[first, first] = self.blocks[:, 0, 0]
+        result[pairs, second] = self.blocks[pairs, 0, 1]
+        result[second, pairs] = self.blocks[pairs, 1, 0]
+        result[second, second] = self.blocks[pairs, 1, 1]
         return result
 
     def forces_in_blocks(self, forces: np.ndarray) -> np.ndarray:

@@ -30,9 +30,10 @@ CASES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-def made(case, count=8, training=4):
-    """Settings of a scene, and its survey."""
-    scene = {**SCENE, **CASES[case], "particle_count": 24}
+def made(case, count=8, training=4, particles=24):
+    """Settings of a scene, and its survey; a case by name, or its keys."""
+    changes = CASES[case] if isinstance(case, str) else case
+    scene = {**SCENE, **changes, "particle_count": particles}
     resolved = load([], {"scenes": {"bar": scene}})["scenes"]["bar"]
     points = samples.points(resolved["parameters"], {"count": training})
     cases = [samples.scene_at("bar", resolved, point_of(resolved, one)) for one in points]

@@ -1,0 +1,84 @@
+"""Corrected modes: their systems solved, and a bound that holds whatever they are."""
+
+import numpy as np
+import pytest
+from scipy.sparse import csr_array, random_array
+from test_query import made, point_of, scaled
+
+from sphpod.scene.scene import derivative_matrix
+from sphpod.surveys import corrected, samples
+
+
+@pytest.fixture
+def banded():
+    """A matrix of neighbours on a ring of 24, and its bands."""
+    _, survey = made("density")
+    dense = derivative_matrix(survey.operators.nominal).toarray()
+    dense *= np.random.default_rng(0).uniform(1, 2, dense.shape)
+    return dense, corrected.bands(csr_array(dense))
+
+
+def test_bands_are_the_matrix(banded) -> None:
+    dense, bands = banded
+    columns = np.random.default_rng(1).standard_normal((24, 3))
+    np.testing.assert_allclose(corrected.product(bands, columns), dense @ columns, atol=1e-12)
+    np.testing.assert_allclose(corrected.transposed(bands, columns), dense.T @ columns, atol=1e-12)
+
+
+def test_shifted_systems_are_solved(banded) -> None:
+    dense, bands = banded
+    drawn = np.random.default_rng(2)
+    shifts = -((drawn.uniform(1, 30, (5, 1)) + 0.3j) ** 2) + 0.1j * drawn.uniform(0, 1, 24)
+    right = drawn.standard_normal((5, 24)) + 1j * drawn.standard_normal((5, 24))
+    solved = right.copy()
+    corrected.solve_shifted(*corrected.folded_square(bands), shifts, solved)
+    for shift, one, given in zip(shifts, solved, right, strict=True):
+        exact = np.linalg.solve(dense @ dense.T + np.diag(shift), given)
+        np.testing.assert_allclose(one, exact, atol=1e-9 * np.abs(exact).max())
+
+
+def test_neighbours_may_be_as_many_as_there_are() -> None:
+    sparse = random_array((9, 9), density=1.0, rng=3)
+    place, lower = corrected.folded_square(corrected.bands(sparse))
+    dense = sparse.toarray() @ sparse.toarray().T
+    for i in range(9):
+        for j in range(9):
+            row, column = max(place[i], place[j]), min(place[i], place[j])
+            assert lower[row, row - column] == pytest.approx(dense[i, j])
+
+
+@pytest.mark.parametrize("case", ["uniform_damping", "uneven_damping", "forced"])
+@pytest.mark.parametrize("shift", [0.01, *corrected.SHIFTS, 1e3])
+def test_the_bound_holds_whatever_the_shift_is(case, shift, monkeypatch) -> None:
+    monkeypatch.setattr("sphpod.surveys.query.SHIFTS", (shift,))
+    resolved, survey = made(case)
+    survey.operators.__dict__["is_affine"] = (False, False)
+    for point in samples.points(resolved["parameters"], {"count": 4, "sampling": "uniform"}):
+        values = point_of(resolved, point)
+        answer = survey.answer(values)
+        ours, full = scaled(survey, answer, samples.scene_at("bar", resolved, values))
+        error = np.linalg.norm(ours - full, axis=1)
+        assert np.all(error <= answer.bound + 1e-11 * answer.largest_norm)
+
+
+@pytest.mark.parametrize(
+    ("damping", "most"),
+    [("decay", 3), ("decay*(1 + 0.9*sin(2*pi*x/L))", 4), ("where(x < L/4, 3*decay, 0)", 12)],
+)
+def test_the_bound_is_a_few_times_the_error(damping, most) -> None:
+    waves = "4e-3*x*(1 - x)*sum(sin(2*pi*n*x + n**2) for n in range(1, 6))"
+    changes = {
+        "duration": 10,
+        "initial_velocity": waves,
+        "initial_density": 1,
+        "youngs_modulus": "stiffness*(1 + contrast*sin(2*pi*x/L))",
+        "damping": damping,
+        "error_interval": 0.1,
+    }
+    resolved, survey = made(changes, count=24, training=8, particles=100)
+    for point in samples.points(resolved["parameters"], {"count": 2, "sampling": "uniform"}):
+        values = point_of(resolved, point)
+        answer = survey.answer(values)
+        ours, full = scaled(survey, answer, samples.scene_at("bar", resolved, values))
+        error = np.linalg.norm(ours - full, axis=1).max()
+        assert error <= answer.bound.max() <= most * error
