@@ -16,6 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from sphpod.numerics.course import Course
 from sphpod.scene.scene import Scene, force_keys
 
 logger = logging.getLogger(__name__)
@@ -41,6 +42,9 @@ REPORTED_MATERIAL = 0.5
 
 MOST_PARTICLES = 100_000
 """Number of particles above which none is recommended."""
+
+REPORTED_IMPULSE = 0.05
+"""Impulse of a force that its time steps miss and that is reported, of that of its magnitude."""
 
 Profile = Callable[[np.ndarray], np.ndarray]
 
@@ -166,6 +170,7 @@ def predict(scene: Scene) -> dict[str, float]:
         part = _told(scene, "initial_velocity", scene.initial_velocity)
     for key, profile in _shapes_of_force(scene):
         _told(scene, key, profile, smoothed=1)
+    _tell_of_pulses(scene)
     for key in ("initial_density", "youngs_modulus", "damping"):
         profile = getattr(scene, key)
         # What changes with time is looked at by the solutions that step it.
@@ -174,6 +179,25 @@ def predict(scene: Scene) -> dict[str, float]:
             if np.ptp(values) > REPORTED_JUMP * np.abs(values).max():
                 _told(scene, key, profile, allowed=REPORTED_MATERIAL)
     return {"unresolved_energy": part, "velocity_jump": jump * largest}
+
+
+def _tell_of_pulses(scene):
+    """Report in the log what explicit Euler, which looks at its steps alone, misses of a force."""
+    for key, term in zip(force_keys(scene), scene.forces, strict=True):
+        for factor in getattr(term, "factors", ()):
+            course = Course.of(factor, scene.duration)
+            done, edges = course.integrals, course.edges[1:]
+            if not (np.isfinite(done).all() and course.total > 0):
+                continue
+            times = np.arange(scene.step_count) * scene.time_step
+            taken = np.concatenate([[0.0], np.cumsum(factor(t=times))]) * scene.time_step
+            missed = np.abs(done - taken[np.searchsorted(times, edges)]).max()
+            if missed > REPORTED_IMPULSE * course.total:
+                logger.warning(
+                    "scene %s: %s = %s: explicit Euler takes it at its steps, %g s apart, and so up to "
+                    "%.2g %% of its impulse for another",
+                    scene.name, key, factor.text, scene.time_step, 100 * missed / course.total,
+                )  # fmt: skip
 
 
 def _shapes_of_force(scene):

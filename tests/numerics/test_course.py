@@ -465,3 +465,15 @@ def test_a_force_that_cannot_be_followed_is_reported_once(caplog):
     (record,) = caplog.records
     assert record.getMessage().startswith("scene rough: force = where(sin(1e6*t) > 0")
     assert record.getMessage().endswith("no error is certified")
+
+
+@pytest.mark.parametrize(
+    "text", ["cos(20*t)", "where(t < 0.7, t**2, -1)", "exp(-((t - 1)/0.01)**2)"]
+)
+def test_integrals_of_pieces_are_those_of_the_force(text) -> None:
+    course = follow(text)
+    for edge, integral in zip(course.edges[1:], course.integrals, strict=True):
+        expected, _ = quad_vec(
+            lambda t: float(expression(text)(t=np.array(t))), 0, edge, points=course.edges[1:-1]
+        )
+        assert integral == pytest.approx(expected, abs=1e-9)

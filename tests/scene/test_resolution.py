@@ -142,3 +142,22 @@ def test_what_is_reported_is_what_costs_the_solution(harmonic, caplog):
         ))  # fmt: skip
         assert relative_error(run["velocity"], low["velocity"]) < 1e-9
         assert relative_error(run["velocity"], exact.solve(case)["velocity"]) > 1
+
+
+@pytest.mark.parametrize(
+    ("force", "part"),
+    [
+        ("where((t > 0.3002) and (t < 0.3006), 1, 0)", "1e+02 %"),
+        (
+            "where((t > 0.2995) and (t < 0.3005), 1, 0) + where((t > 0.5) and (t < 0.6), 1e-3, 0)",
+            "",
+        ),
+        ("exp(-((t - 0.50041)/2e-4)**2)", "%"),
+        ("cos(20*t)", ""),
+        ("where(t < 0.3335, 1, 0)", ""),
+    ],
+)
+def test_pulses_between_the_steps_are_reported(force, part, caplog):
+    keys = {"force": {"time": force, "profile": "sin(2*pi*x/L)"}, "time_step": 1e-3}
+    _, sentences = reported(scene(**keys), caplog)
+    assert [part in one for one in sentences if "impulse" in one] == [True] * bool(part)
