@@ -411,17 +411,19 @@ class OwnModes:
     @cached_property
     def operator(self) -> np.ndarray:
         """The reduced operator of the own coordinates [1/s], (coordinates, coordinates)."""
+        return self.times_operator(np.eye(len(self.to_modes)))
+
+    def times_operator(self, columns: np.ndarray) -> np.ndarray:
+        """Columns (…, coordinates) times the operator, block by block."""
         if self.blocks.shape[-1] > 2:
-            return self.blocks[0]
-        count = len(self.blocks)
-        first = np.arange(count)
-        second = np.arange(count, len(self.to_modes))
-        pairs = first[: second.size]
-        result = np.zeros((len(self.to_modes),) * 2)
-        result[first, first] = self.blocks[:, 0, 0]
-        result[pairs, second] = self.blocks[pairs, 0, 1]
-        result[second, pairs] = self.blocks[pairs, 1, 0]
-        result[second, second] = self.blocks[pairs, 1, 1]
+            return columns @ self.blocks[0]
+        count, pairs = len(self.blocks), len(self.to_modes) - len(self.blocks)
+        first, second = columns[..., :count], columns[..., count:]
+        result = np.empty_like(columns)
+        result[..., :count] = first * self.blocks[:, 0, 0]
+        result[..., :pairs] += second * self.blocks[:pairs, 1, 0]
+        result[..., count:] = first[..., :pairs] * self.blocks[:pairs, 0, 1]
+        result[..., count:] += second * self.blocks[:pairs, 1, 1]
         return result
 
     def forces_in_blocks(self, forces: np.ndarray) -> np.ndarray:

@@ -194,8 +194,8 @@ def _tell_of_pulses(scene):
             missed = np.abs(done - taken[np.searchsorted(times, edges)]).max()
             if missed > REPORTED_IMPULSE * course.total:
                 logger.warning(
-                    "scene %s: %s = %s: explicit Euler takes it at its steps, %g s apart, and so up to "
-                    "%.2g %% of its impulse for another",
+                    "scene %s: %s = %s: explicit Euler, which looks at it every %g s, is wrong by "
+                    "up to %.2g %% of its impulse",
                     scene.name, key, factor.text, scene.time_step, 100 * missed / course.total,
                 )  # fmt: skip
 

@@ -105,12 +105,15 @@ def corrected_bound(
     shift : float
         One of `SHIFTS`.
     """
-    operator, push, z = query.own.operator, query.push, query.own_start
+    own, push, z = query.own, query.push, query.own_start
     modes = [velocity, stress]
-    left = [rate - mode @ operator for rate, mode in zip(line.rates(*modes), modes, strict=True)]
+    left = [
+        rate - own.times_operator(mode)
+        for rate, mode in zip(line.rates(*modes), modes, strict=True)
+    ]
     changes = _changes(query, line, shift, *left)
     for n, (rate, change) in enumerate(zip(line.rates(*changes), changes, strict=True)):
-        left[n] = left[n] + rate - change @ operator
+        left[n] = left[n] + rate - own.times_operator(change)
         modes[n] = modes[n] + change
     beside = float(np.linalg.norm([line.start - modes[0] @ z, modes[1] @ z]))
     size = float(np.linalg.norm(line.start))
