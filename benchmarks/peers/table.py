@@ -39,6 +39,34 @@ COLUMNS = {
     "Note": lambda row: row["note"],
 }
 
+SURVEY_HEADER = """# pyMOR on the worked survey of parameters
+
+The survey graded_bar of config/surveys.yaml, of the same training runs: N = 400, T = 10 s, 101
+outputs. k is the number of modes of each field, of symplectic bases half that of the vectors.
+Errors are the largest energy norm over time of the difference to the lifted full model at the same
+parameters, exact in time, of the largest norm of that: the largest and the median of the queries.
+CPU time is the process's own, one thread, of a query from its parameters to all quantities: median
+of {repeats} turns, with the interquartile range in brackets. Offline is the way from the training
+runs to a reduced model, the runs not included; this project's modes are made once for all k. Growth
+is the largest real part of the reduced operator at 50 random parameters without damping, above 0
+where waves grow; there is none where it is proved to be at most 0. {processor}.
+
+"""
+
+SURVEY_COLUMNS = {
+    "Tool": lambda row: f"{row['tool']} {row['version']}",
+    "Model": lambda row: row["model"],
+    "In time": lambda row: row["integrator"],
+    "k": lambda row: str(row["modes"]),
+    "Largest error": lambda row: _error(row["error_largest"]),
+    "Median error": lambda row: _error(row["error_median"]),
+    "Query [ms]": lambda row: _spread(
+        _number(row["query_seconds"], 1e3), _number(row["query_seconds_interquartile_range"], 1e3)
+    ),
+    "Offline [s]": lambda row: _number(row["offline_seconds"], 1),
+    "Growth [1/s]": lambda row: _error(row["growth_rate"]),
+}
+
 
 def write(
     stem: str, rows: Sequence[Mapping[str, Any]], field_seconds: float, remarks: Sequence[str]
@@ -55,16 +83,26 @@ def write(
     remarks : sentences
         They stand below the table that is for reading.
     """
+    header = HEADER.format(
+        repeats=rows[0]["repeats"], processor=rows[0]["machine"], fields=1e3 * field_seconds
+    )
+    _write(stem, rows, header, COLUMNS, remarks)
+
+
+def write_survey(stem: str, rows: Sequence[Mapping[str, Any]]) -> None:
+    """The same of reduced models of a survey, rows as from `survey.compare`."""
+    header = SURVEY_HEADER.format(repeats=rows[0]["repeats"], processor=rows[0]["machine"])
+    _write(stem, rows, header, SURVEY_COLUMNS, ())
+
+
+def _write(stem, rows, header, columns, remarks):
     with whole(f"{stem}.csv") as partial, open(partial, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    lines = [_line(COLUMNS), _line("---" for _ in COLUMNS)]
-    lines += [_line(cell(row) for cell in COLUMNS.values()) for row in rows]
+    lines = [_line(columns), _line("---" for _ in columns)]
+    lines += [_line(cell(row) for cell in columns.values()) for row in rows]
     lines += ["", *remarks] if remarks else []
-    header = HEADER.format(
-        repeats=rows[0]["repeats"], processor=rows[0]["machine"], fields=1e3 * field_seconds
-    )
     with whole(f"{stem}.md") as partial:
         Path(partial).write_text(header + "\n".join(lines) + "\n", encoding="utf-8")
 
