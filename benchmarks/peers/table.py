@@ -45,11 +45,12 @@ The survey graded_bar of config/surveys.yaml, of the same training runs: N = 400
 outputs. k is the number of modes of each field, of symplectic bases half that of the vectors. A
 cell has the error and, in ms, the CPU time of a query from its parameters to all quantities. Errors
 are the largest energy norm over time of the difference to the lifted full model at the same
-parameters, exact in time, of the largest norm of that, the largest of {queries}. CPU time is
-the process's own, one thread: median of {repeats} turns. Offline is the way from the training runs
-to a reduced model, the runs not included, where modes were made for all k. Growth is the largest
-real part of the reduced operator at 50 random parameters without damping, for any of these k, above
-rounding where waves grow; empty where it is proved that none do. {processor}.
+parameters, exact in time, of the largest norm of that: {queries}.
+CPU time is the process's own, one thread: median of {repeats} turns. Offline is the way from the
+training runs to a reduced model, the runs not included, where modes were made for all k. Growth is
+the largest real part of the reduced operator at 50 random parameters without damping, for any of
+these k, above rounding where waves grow; empty where it is proved that none do, and at the nominal
+parameters. {processor}.
 
 """
 
@@ -86,11 +87,9 @@ def write_survey(stem: str, rows: Sequence[Mapping[str, Any]], queries: str) -> 
     counts = sorted({row["modes"] for row in rows})
 
     def cell(row):
-        return (
-            ""
-            if row is None
-            else f"{row['error_largest']:.1e}, {_number(row['query_seconds'], 1e3)}"
-        )
+        if row is None:
+            return ""
+        return f"{row['error_largest']:.1e}, {_number(row['query_seconds'], 1e3)}"
 
     columns: dict[str, Any] = {
         "Tool": lambda model: f"{model[0]} {model[1]}",
