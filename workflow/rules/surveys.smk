@@ -102,7 +102,7 @@ rule survey_cost:
         "<logs>/surveys/{survey}/cost.log",
     # With nothing beside it.
     priority: 1
-    threads: workflow.cores or 1
+    threads: lambda wildcards: workflow.cores or 1
     params:
         **of_survey("timed", (*ANSWERED_BY, "queries", "cost_repeats"), alone=True),
     message:
