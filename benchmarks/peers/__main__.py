@@ -1,8 +1,8 @@
-"""``python -m benchmarks.peers``: compare all tools, write results/peers.csv and .md."""
+"""``python -m benchmarks.peers``: compare all tools, on a scene and on a survey of parameters."""
 
 import sys
 
-from benchmarks.peers import run, table
+from benchmarks.peers import run, survey, table
 from benchmarks.peers.problem import Problem
 
 
@@ -27,6 +27,7 @@ def main() -> int:
         rows.append(dict.fromkeys(rows[0]) | {"tool": "pysph", "note": obstacle})
     table.write("results/peers", rows, run.field_seconds(problem), disagreements)
     print("Written: results/peers.csv, results/peers.md")
+    survey.main()
     return 1 if disagreements else 0
 
 

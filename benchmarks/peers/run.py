@@ -15,7 +15,7 @@ from benchmarks.peers import opinf_models, ours, pymor_models, scipy_models
 from benchmarks.peers.contender import Contender, Model
 from benchmarks.peers.problem import MODES, Problem
 from sphpod.numerics.error import relative_error
-from sphpod.studies.timing import machine, measure
+from sphpod.numerics.timing import machine, measure
 
 REPEATS = 5
 

@@ -39,6 +39,21 @@ COLUMNS = {
     "Note": lambda row: row["note"],
 }
 
+SURVEY_HEADER = """# pyMOR on the worked survey of parameters
+
+The survey graded_bar of config/surveys.yaml, of the same training runs: N = 400, T = 10 s, 101
+outputs. k is the number of modes of each field, of symplectic bases half that of the vectors. A
+cell has the error and, in ms, the CPU time of a query from its parameters to all quantities. Errors
+are the largest energy norm over time of the difference to the lifted full model at the same
+parameters, exact in time, of the largest norm of that: {queries}.
+CPU time is the process's own, one thread: median of {repeats} turns. Offline is the way from the
+training runs to a reduced model, the runs not included, where modes were made for all k. Growth is
+the largest real part of the reduced operator at 50 random parameters without damping, for any of
+these k, above rounding where waves grow; empty where it is proved that none do, and at the nominal
+parameters. {processor}.
+
+"""
+
 
 def write(
     stem: str, rows: Sequence[Mapping[str, Any]], field_seconds: float, remarks: Sequence[str]
@@ -55,18 +70,58 @@ def write(
     remarks : sentences
         They stand below the table that is for reading.
     """
+    header = HEADER.format(
+        repeats=rows[0]["repeats"], processor=rows[0]["machine"], fields=1e3 * field_seconds
+    )
+    _files(stem, rows, header, _table(COLUMNS, rows), remarks)
+
+
+def write_survey(stem: str, rows: Sequence[Mapping[str, Any]], queries: str) -> None:
+    """The same of reduced models of a survey, one a line, rows as from `survey.compare`."""
+    keys = "tool", "version", "model", "integrator"
+    models = dict.fromkeys(tuple(row[key] for key in keys) for row in rows)
+    found = {
+        model: {row["modes"]: row for row in rows if tuple(row[key] for key in keys) == model}
+        for model in models
+    }
+    counts = sorted({row["modes"] for row in rows})
+
+    def cell(row):
+        if row is None:
+            return ""
+        return f"{row['error_largest']:.1e}, {_number(row['query_seconds'], 1e3)}"
+
+    columns: dict[str, Any] = {
+        "Tool": lambda model: f"{model[0]} {model[1]}",
+        "Model": lambda model: model[2],
+        "In time": lambda model: model[3],
+        **{f"k = {k}": lambda model, k=k: cell(found[model].get(k)) for k in counts},
+        "Offline [s]": lambda model: _number(
+            max(row["offline_seconds"] for row in found[model].values()), 1
+        ),
+        "Growth [1/s]": lambda model: _error(
+            max((row["growth_rate"] for row in found[model].values()), key=lambda rate: rate or 0)
+        ),
+    }
+    header = SURVEY_HEADER.format(
+        repeats=rows[0]["repeats"], processor=rows[0]["machine"], queries=queries
+    )
+    _files(stem, rows, header, _table(columns, models), ())
+
+
+def _files(stem, rows, header, lines, remarks):
     with whole(f"{stem}.csv") as partial, open(partial, "w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, rows[0].keys(), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
-    lines = [_line(COLUMNS), _line("---" for _ in COLUMNS)]
-    lines += [_line(cell(row) for cell in COLUMNS.values()) for row in rows]
-    lines += ["", *remarks] if remarks else []
-    header = HEADER.format(
-        repeats=rows[0]["repeats"], processor=rows[0]["machine"], fields=1e3 * field_seconds
-    )
+    lines = [*lines, "", *remarks] if remarks else lines
     with whole(f"{stem}.md") as partial:
         Path(partial).write_text(header + "\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _table(columns, rows):
+    head = [_line(columns), _line("---" for _ in columns)]
+    return head + [_line(cell(row) for cell in columns.values()) for row in rows]
 
 
 def _line(cells):

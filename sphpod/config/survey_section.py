@@ -27,6 +27,8 @@ TAKEN = (
     *("true_error", "effectivity", "inside", "quantity", "parameter"),
     *(f"{kind}_index{end}" for kind in ("first", "total") for end in ("", "_low", "_high")),
     *("velocity_modes", "stress_modes", "translation", "mode_count", "training_points"),
+    *("contender", "integrator", "contender_mode_count", "contender_time_step", "query_error"),
+    *("query_seconds", "training_seconds", "break_even", "break_even_unbounded"),
 )
 """Names in the results of a survey."""
 
@@ -198,6 +200,13 @@ class Survey(Section):
         le=2**20,
         description="base samples of the Sobol indices, a power of two, each of which is a query "
         "for each parameter and two more; 0 for none, default 256",
+    )
+    cost_repeats: int = Field(
+        0,
+        ge=0,
+        le=10000,
+        description="turns in which the costs of queries and of the training are timed, by full "
+        "and reduced models; 0 for none, default 0",
     )
 
 

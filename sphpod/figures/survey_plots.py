@@ -12,6 +12,7 @@ from sphpod.figures.plotting import (
     COLUMN_WIDTH,
     GREEN,
     GREY,
+    ORANGE,
     SKY,
     VERMILLION,
     Arrays,
@@ -123,5 +124,43 @@ def errors(validation: Arrays, tolerance: float) -> Figure:
     axes.set_yscale("log")
     axes.set_xlabel("random query, by rising true error")
     axes.set_ylabel("energy norm of the error")
+    figure.legend(loc="outside upper center", ncols=2)
+    return figure
+
+
+@styled
+def cost(cost: Arrays) -> Figure:
+    """Time of many queries by full and reduced models, with the training, and where it has paid.
+
+    Of lifted full models, all as accurate as the reduced one, the fastest is shown.
+    """
+    seconds = np.median(cost["query_seconds"], axis=1)
+    trained = float(np.median(cost["training_seconds"]))
+    rows = {name: np.flatnonzero(cost["contender"] == name) for name in set(cost["contender"])}
+    best = rows["lifted_full"][np.argmin(seconds[rows["lifted_full"]])]
+    lines = [
+        ("full SPH", rows["sph"][0], BLACK, "-"),
+        (f"lifted full, {str(cost['integrator'][best]).replace('_', ' ')}", best, BLUE, "-"),
+        *(("by Fourier modes", row, ORANGE, "-") for row in rows.get("fourier", ())),
+        ("reduced", rows["reduced"][0], GREEN, "--"),
+        ("reduced, with bounds", rows["reduced_bounded"][0], VERMILLION, "--"),
+    ]
+    figure = Figure(figsize=(COLUMN_WIDTH, 2.8), layout="constrained")
+    axes = figure.subplots()
+    queries = np.logspace(0, 5, 201)
+    for label, row, color, style in lines:
+        before = 0.0 if style == "-" else trained
+        times = before + queries * seconds[row]
+        axes.plot(queries, times, style, color=color, label=label, linewidth=1)
+    shown = [row for _, row, _, style in lines if style == "-"]
+    for name, color in (("break_even_unbounded", GREEN), ("break_even", VERMILLION)):
+        even = np.array([(cost[name][row], cost[name][row] * seconds[row]) for row in shown])
+        even = even[even[:, 0] <= queries[-1]]
+        axes.plot(*even.T, "o", color=color, markerfacecolor="white", markersize=4, zorder=3)
+    axes.plot([], [], "o", color=GREY, markerfacecolor="white", markersize=4, label="break-even")
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("queries")
+    axes.set_ylabel("CPU time with training [s]")
     figure.legend(loc="outside upper center", ncols=2)
     return figure

@@ -16,13 +16,14 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from sphpod.full import lifted, sph
+from sphpod.numerics import timing
 from sphpod.numerics.error import FIELDS, relative_error
 from sphpod.reduced import lifted_rom, pod, snapshots
 from sphpod.reduced.rom import ReducedModel, acceleration_contenders, freeze_steps, modes_resolved
 from sphpod.reference import exact, reference
 from sphpod.scene import waves
 from sphpod.scene.scene import Scene
-from sphpod.studies import timing
+from sphpod.studies.cpu_time import BASELINES
 from sphpod.studies.study import Dataset, Drawing, Study, accelerated
 
 MODE_COUNTS = (4, 8, 12, 16, 20)
@@ -406,7 +407,7 @@ def rows(
 def _baselines(measured, median):
     """Rows of the models that speed-ups are relative to."""
     methods, integrators = measured["contender"], measured["integrator"]
-    own = {name: int(np.flatnonzero(methods == name)[0]) for name in timing.BASELINES}
+    own = {name: int(np.flatnonzero(methods == name)[0]) for name in BASELINES}
     first = own["sph_stencil"]
     alike = (
         (integrators == "explicit_euler")

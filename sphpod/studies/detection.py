@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted, sph
+from sphpod.numerics import timing
 from sphpod.pipeline.dataset import Variable
 from sphpod.scene.scene import Scene
-from sphpod.studies import timing
 from sphpod.studies.study import EVEN, Dataset, Study, scenes
 
 ALLOWED = 0.02

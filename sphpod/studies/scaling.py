@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sphpod.full import lifted, sph
+from sphpod.numerics import timing
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.rom import ReducedModel
 from sphpod.reference import exact
 from sphpod.scene.scene import Scene
-from sphpod.studies import timing
 from sphpod.studies.study import Dataset, Drawing, Study, step_scene
 
 WORK = 2e7

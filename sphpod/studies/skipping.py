@@ -11,12 +11,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sphpod.full import lifted, sph
+from sphpod.numerics import timing
 from sphpod.numerics.expressions import Expression
 from sphpod.numerics.separation import Products
 from sphpod.reduced import lifted_rom
 from sphpod.reference import exact, reference
 from sphpod.scene.scene import IN_X_AND_T, Scene
-from sphpod.studies import timing
 from sphpod.studies.scaling import PLAIN, waves
 from sphpod.studies.study import Dataset, Study, step_scene
 

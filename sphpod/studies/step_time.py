@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import sph
+from sphpod.numerics import timing
 from sphpod.scene.scene import Scene, derivative_matrix
-from sphpod.studies import timing
 from sphpod.studies.study import Dataset, Study, step_scene
 
 

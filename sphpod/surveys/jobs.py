@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.pipeline.dataset import Variable
-from sphpod.surveys import samples, sensitivity, training, validation
+from sphpod.surveys import cost, samples, sensitivity, training, validation
 from sphpod.surveys.answers import OF_QUERY, answer_all, chunk_points, of_settings, variables
 from sphpod.surveys.parts import Operators
 from sphpod.surveys.questions import questions
@@ -57,6 +57,11 @@ def shared_out(name: str, settings: Settings, survey: Settings, model: Arrays) -
     return sensitivity.share_out(name, settings, survey, model)
 
 
+def timed(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
+    """What a query of a survey costs, by full and by reduced models."""
+    return cost.measure(name, settings, survey, model)
+
+
 def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Variable]:
     """What the names mean of the arrays of all these."""
     none = np.zeros((1, settings["particle_count"]))
@@ -69,6 +74,7 @@ def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Varia
         **training.MODEL_VARIABLES,
         **validation.VARIABLES,
         **sensitivity.VARIABLES,
+        **cost.VARIABLES,
         **OF_QUERY,
         **variables(asked, settings["parameters"]),
     }

@@ -50,3 +50,22 @@ def indices(found: Arrays) -> Rows:
 def validation(found: Arrays) -> Rows:
     """One row a query that was solved in full."""
     return dict(found)
+
+
+def cost(found: Arrays) -> Rows:
+    """One row a contender, and one of the training, which answers no query."""
+    lower, middle, upper = np.quantile(
+        np.vstack([found["query_seconds"], found["training_seconds"]]), (0.25, 0.5, 0.75), axis=1
+    )
+    return {
+        "contender": [*found["contender"], "training"],
+        "integrator": [*found["integrator"], ""],
+        "modes": [*found["contender_mode_count"], found["contender_mode_count"][-1]],
+        "time_step": [*found["contender_time_step"], np.nan],
+        "error": [*found["query_error"], np.nan],
+        "cpu_seconds": middle,
+        "cpu_seconds_interquartile_range": upper - lower,
+        "repeats": found["training_seconds"].size,
+        "break_even": [*found["break_even"], np.nan],
+        "break_even_unbounded": [*found["break_even_unbounded"], np.nan],
+    }

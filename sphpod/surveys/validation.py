@@ -9,9 +9,12 @@ import numpy as np
 from sphpod.full import lifted
 from sphpod.pipeline.dataset import Variable
 from sphpod.scene.breakdown import Breakdown
+from sphpod.scene.scene import Scene
 from sphpod.surveys import samples
 from sphpod.surveys.answers import of_settings
 from sphpod.surveys.folds import check_folds
+from sphpod.surveys.parts import Operators, Values
+from sphpod.surveys.query import Answer
 
 logger = logging.getLogger(__name__)
 
@@ -80,14 +83,8 @@ def _row(name, settings, reduced, asked, point):
     check_folds(reduced.operators, answer, values)
     scene = samples.scene_at(name, settings, values)
     full = lifted.solve(scene, "exact")
-    mass, stiffness = lifted.energy_weights(scene)
-    norms = _norms(mass * full["velocity"], stiffness * full["strain"])
-    velocity, stress = _fields(reduced.operators, answer)
-    wrong = _norms(
-        mass * (full["velocity"] - velocity),
-        stiffness * (full["strain"] - stress / scene.modulus()),
-    )
-    true = wrong.max() / norms.max() if norms.max() else 0.0
+    norms = _norms(scene, full["velocity"], full["strain"])
+    true = relative_error(scene, full, *fields_of(reduced.operators, answer, values))
     held = all(
         _holds(question, question.answer(answer, values), scene, full, norms)
         for question in asked.values()
@@ -95,18 +92,31 @@ def _row(name, settings, reduced, asked, point):
     return true, answer.estimate, answer.relative_bound, held
 
 
-def _fields(operators, answer):
-    """Velocity and stress of an answer at all particles, (times, N) each."""
+def relative_error(
+    scene: Scene, full: Mapping[str, np.ndarray], velocity: np.ndarray, strain: np.ndarray
+) -> float:
+    """Largest energy norm over time of the difference to a full run, of the run's largest norm."""
+    largest = _norms(scene, full["velocity"], full["strain"]).max()
+    wrong = _norms(scene, full["velocity"] - velocity, full["strain"] - strain)
+    return float(wrong.max() / largest) if largest else 0.0
+
+
+def fields_of(
+    operators: Operators, answer: Answer, values: Values
+) -> tuple[np.ndarray, np.ndarray]:
+    """Velocity and strain of an answer at all particles, (times, N) each."""
     query = answer.query
     pairs = (
         (answer.coordinates[0], query.velocity_modes, operators.velocity_modes),
         (answer.coordinates[1], query.stress_modes, operators.stress_modes),
     )
-    return [given @ inverse @ modes[: len(inverse)] for given, inverse, modes in pairs]
+    velocity, stress = (given @ inverse @ modes[: len(inverse)] for given, inverse, modes in pairs)
+    return velocity, stress / operators.modulus.at(values)
 
 
-def _norms(velocity, strain):
-    return np.sqrt(np.sum(velocity**2, axis=1) + np.sum(strain**2, axis=1))
+def _norms(scene, velocity, strain):
+    mass, stiffness = lifted.energy_weights(scene)
+    return np.sqrt(np.sum((mass * velocity) ** 2 + (stiffness * strain) ** 2, axis=1))
 
 
 def _holds(question, interval, scene, full, norms):

@@ -42,3 +42,20 @@ def test_errors() -> None:
     true = np.array([1e-3, 4e-4, 2e-3])
     found = {"true_error": true, "relative_estimate": true, "relative_bound": 12 * true}
     check_layout(survey_plots.errors(found, 1e-2))
+
+
+def test_cost() -> None:
+    names = ["sph", "lifted_full", "lifted_full", "fourier", "reduced", "reduced_bounded"]
+    seconds = np.array([8e-2, 2e-3, 0.1, 1e-3, 1.5e-3, 1e-2])
+    found = {
+        "contender": np.array(names),
+        "integrator": np.array(["explicit_euler", "symplectic_euler", *["exact"] * 4]),
+        "query_seconds": seconds[:, None] * np.array([1, 1.1, 0.9]),
+        "training_seconds": np.array([6.0, 7.0, 8.0]),
+        "break_even": np.array([100, np.inf, 78, np.inf, np.nan, np.nan]),
+        "break_even_unbounded": np.array([89, 14000, 71, np.inf, np.nan, np.nan]),
+    }
+    figure = survey_plots.cost(found)
+    check_layout(figure)
+    marks = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
+    assert [np.size(line.get_xdata()) for line in marks] == [2, 1, 0]

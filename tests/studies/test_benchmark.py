@@ -5,11 +5,12 @@ import pytest
 from scenes import VARIED, scene
 
 from sphpod.full import lifted, sph
-from sphpod.numerics import error
+from sphpod.numerics import error, timing
 from sphpod.numerics.propagator import Jumps
 from sphpod.reduced import certificate, lifted_rom, pod, rom, snapshots
 from sphpod.reference import exact, reference
-from sphpod.studies import benchmark, scaling, skipping, timing
+from sphpod.studies import benchmark, scaling, skipping
+from sphpod.studies.cpu_time import BASELINES
 
 PLACE = {"scene": "waves", "sampling": "few"}
 SETTINGS = {"particle_count": 40, "machine": {"processor": "one"}}
@@ -19,7 +20,7 @@ COUNTS = [3, 4, 8]
 """Of the study and the benchmark's own, as far as nine snapshots give them."""
 
 PAPER = ["original", "linearized", "frozen1", "frozen10"]
-SPEEDUPS = [f"speedup_against_{name}" for name in (*timing.BASELINES, "fastest_explicit_euler",
+SPEEDUPS = [f"speedup_against_{name}" for name in (*BASELINES, "fastest_explicit_euler",
             "fastest_full_model")]  # fmt: skip
 EULER, FULL = SPEEDUPS[2:]
 
@@ -144,7 +145,7 @@ def test_times_and_speedups_are_what_they_say(case):
     assert np.all(seconds > 0)
     assert table["repeats"] == measured["cpu_seconds"].shape[1] == 3
     assert np.all(table["cpu_seconds_with_fields"] >= seconds.min())
-    for name, baseline in zip(SPEEDUPS[:2], timing.BASELINES, strict=True):
+    for name, baseline in zip(SPEEDUPS[:2], BASELINES, strict=True):
         np.testing.assert_allclose(table[name] * seconds, seconds[case.rows(baseline)[0]])
     for name in SPEEDUPS:
         assert np.any(table[name] == 1)

@@ -44,8 +44,9 @@ def surveyed(tmp_path_factory):
 
 def test_a_survey_gives_answers_tables_and_figures(surveyed) -> None:
     names = {path.name for path in (surveyed / FOLDER).iterdir()}
-    tables = {f"{name}.csv" for name in ("answers", "quantiles", "indices", "validation")}
-    drawn = {f"{name}.png" for name in ("responses", "histograms", "indices", "errors")}
+    names_of = "answers", "quantiles", "indices", "validation", "cost"
+    tables = {f"{name}.csv" for name in names_of}
+    drawn = {f"{name}.png" for name in ("responses", "histograms", "indices", "errors", "cost")}
     assert tables | drawn <= names
     answers = dataset.read(surveyed / FOLDER / "answers.nc")
     assert answers["sensor"].shape == (12, 21)

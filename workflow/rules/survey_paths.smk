@@ -34,11 +34,12 @@ TRAINED_BY = "training", "output_interval"
 ANSWERED_BY = *TRAINED_BY, "mode_count", "tolerance", "quantities"
 
 
-def of_survey(compute, keys, **arguments):
+def of_survey(compute, keys, alone=False, **arguments):
     """What is passed to the script of a survey, its function and what that is given, and a digest."""
     return {
         "compute": compute,
         "code": lambda wildcards: provenance.digest(f"surveys.jobs.{compute}"),
+        "alone": alone,
         "scene": survey_scene,
         "physics": survey_physics,
         "survey": survey_keys(*keys),
@@ -66,12 +67,14 @@ SURVEY_TABLES = {
     "quantiles": "answers.nc",
     "indices": "indices.nc",
     "validation": "validation.nc",
+    "cost": "cost.nc",
 }
 SURVEY_FIGURES = {
     "responses": "answers",
     "histograms": "answers",
     "indices": "indices",
     "errors": "validation",
+    "cost": "cost",
 }
 
 
@@ -119,6 +122,8 @@ def survey_files(survey):
         drawn, tables = [*drawn, "indices"], [*tables, "indices"]
     if SURVEYS[survey]["validation"]:
         drawn, tables = [*drawn, "errors"], [*tables, "validation"]
+    if SURVEYS[survey]["cost_repeats"]:
+        drawn, tables = [*drawn, "cost"], [*tables, "cost"]
     names = [f"{name}.csv" for name in tables]
     names += [f"{name}.{form}" for name in drawn for form in ("pdf", "png")]
     return [f"<results>/surveys/{survey}/{name}" for name in names]

@@ -93,6 +93,24 @@ rule survey_indices:
         "../scripts/survey.py"
 
 
+rule survey_cost:
+    input:
+        model=f"{SURVEY}/model.nc",
+    output:
+        f"{SURVEY}/cost.nc",
+    log:
+        "<logs>/surveys/{survey}/cost.log",
+    # With nothing beside it.
+    priority: 1
+    threads: lambda wildcards: workflow.cores or 1
+    params:
+        **of_survey("timed", (*ANSWERED_BY, "queries", "cost_repeats"), alone=True),
+    message:
+        "Survey {wildcards.survey}: costs of queries and of the training"
+    script:
+        "../scripts/survey.py"
+
+
 rule survey_table:
     input:
         lambda wildcards: f"{SURVEY}/{SURVEY_TABLES[wildcards.table]}".format(**wildcards),

@@ -14,7 +14,7 @@ if __name__ == "__main__":
     if params.sampling:
         settings["sampling"] = {"name": place["sampling"], **params.sampling}
     if params.alone:
-        from sphpod.studies import timing
+        from sphpod.numerics import timing
 
         settings["machine"] = timing.machine()
     scene = Scene.from_settings(place["scene"], params.physics)

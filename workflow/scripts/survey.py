@@ -8,6 +8,11 @@ if __name__ == "__main__":
     given = job.start(snakemake)
     params = snakemake.params
     of_survey = params.scene, params.physics, params.survey
+    settings = {"scene": params.scene, "physics": params.physics, "survey": params.survey}
+    if params.alone:
+        from sphpod.numerics import timing
+
+        settings["machine"] = timing.machine()
     inputs = {
         name: dataset.read(files) if isinstance(files, str) else list(map(dataset.read, files))
         for name, files in snakemake.input.items()
@@ -17,7 +22,7 @@ if __name__ == "__main__":
         snakemake.output[0],
         function(*of_survey, **inputs, **params.arguments),
         title=f"{snakemake.wildcards.survey}: {function.__doc__.rstrip('.')}",
-        settings={"scene": params.scene, "physics": params.physics, "survey": params.survey},
+        settings=settings,
         code=params.code,
         job=given,
         variables=jobs.meanings(*of_survey),

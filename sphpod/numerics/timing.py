@@ -1,4 +1,4 @@
-"""CPU time of full and reduced models, measured so that they can be compared.
+"""CPU time of models, measured so that they can be compared.
 
 All contenders run in one process that has the machine to itself, with one BLAS thread. Each is
 compiled and warmed up by a few steps first, then they take turns, so that a drift of the machine's
@@ -15,9 +15,6 @@ from typing import Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
-
-BASELINES = ("sph_neighbour_lists", "sph_stencil")
-"""Full SPH that savings are relative to: as an SPH code does it, and for even spacing alone."""
 
 
 def warm_up(run: Callable[[], object], shortest: float) -> int:
