@@ -194,7 +194,7 @@ def ours(task: Task, counts: Sequence[int] = MODE_COUNTS) -> Iterator[Method]:
             query, *_ = survey.model(values)
             query = query.leading(count)
             coordinates = query.coordinates(query.solve())
-            return Answer(query, coordinates, none, float(np.linalg.norm(query.start)), none, 0.0)
+            return Answer(query, coordinates, none, none, float(np.linalg.norm(query.start)), 0.0)
 
         def plain(values):
             found = solved(values)

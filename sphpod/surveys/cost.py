@@ -242,7 +242,7 @@ def _reduced(task, name, settings, model):
     def solved(values):
         query, *_ = survey.model(values)
         coordinates = query.coordinates(query.solve())
-        return Answer(query, coordinates, none, float(np.linalg.norm(query.start)), none, 0.0)
+        return Answer(query, coordinates, none, none, float(np.linalg.norm(query.start)), 0.0)
 
     def answer():
         for values in task.points:
