@@ -68,15 +68,6 @@ class Line:
     start: np.ndarray
     force: np.ndarray
 
-    @classmethod
-    def of(cls, gradient, volumes, density, modulus, damping, start, force):
-        """Of bands of G [1/m], and fields of the particles."""
-        mass, softness = np.sqrt(volumes * density), np.sqrt(volumes / modulus)
-        size, width = gradient.shape
-        beside = (np.arange(size)[:, None] + np.arange(width) - width // 2) % size
-        scaled = (mass / density)[:, None] * gradient / softness[beside]
-        return cls(scaled, mass, softness, damping, mass * start, mass[:, None] * force)
-
     def pull(self, stress: np.ndarray) -> np.ndarray:
         """A of columns, (N, m)."""
         return product(self.gradient, np.ascontiguousarray(stress))
@@ -192,6 +183,13 @@ def bands(matrix: Any) -> np.ndarray:
     found = np.zeros((size, 2 * reach + 1))
     np.add.at(found, (entries.row, beside + reach), entries.data)
     return found
+
+
+def scaled(banded: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """Bands of diag(rows) A diag(columns)."""
+    size, width = banded.shape
+    beside = (np.arange(size)[:, None] + np.arange(width) - width // 2) % size
+    return rows[:, None] * banded * columns[beside]
 
 
 @compiled_sums

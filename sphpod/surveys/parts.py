@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.scene.scene import Scene, derivative_matrix, parameter_values
-from sphpod.surveys.corrected import Line, bands
+from sphpod.surveys.corrected import Line, bands, scaled
 from sphpod.surveys.fields import ParametricField, at_half_cells, at_particles
 
 Values = Mapping[str, float]
@@ -219,7 +219,9 @@ class Operators:
         density, modulus, start = (f.at(values) for f in (self.density, self.modulus, self.start))
         damping = 0.0 if self.damping is None else self.damping.at(values)
         force = (self._none if self.load is None else strength * self.load.at(values)[None]).T
-        return Line.of(self.gradient, self.volumes, density, modulus, damping, start, force)
+        mass, softness = np.sqrt(self.volumes * density), np.sqrt(self.volumes / modulus)
+        pull = scaled(self.gradient, mass / density, 1 / softness)
+        return Line(pull, mass, softness, damping, mass * start, mass[:, None] * force)
 
     def least_stiffness(self, values: Values) -> float:
         """The smallest √(V c) of a particle."""
