@@ -1,7 +1,6 @@
 """Surveys of parameters: their keys, and what these mean together."""
 
-import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
@@ -9,11 +8,12 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from sphpod.config.fields import LARGEST_SEED, ModeCount, Name, ParameterName, Section, left_out
+from sphpod.config.parameters import resolved_parameters
 from sphpod.config.reading import refusal
-from sphpod.config.scene_section import Parameter, Time
-from sphpod.numerics.expressions import Expression, reads
+from sphpod.config.scene_section import Time
+from sphpod.numerics.expressions import Expression
 from sphpod.scene import checks
-from sphpod.scene.scene import PROFILES, Scene, is_whole
+from sphpod.scene.scene import Scene, is_whole
 from sphpod.surveys import samples
 
 LARGEST_COUNT = 10**7
@@ -32,9 +32,6 @@ TAKEN = (
 
 TAKEN_FROM_PARAMETERS = (*TAKEN, "velocity", "strain", "point", "extrapolate")
 """Names that no parameter of a survey has: those, of its training runs, and of calls to it."""
-
-CHECKED = 64
-"""Points within the ranges at which the scene is checked, beside their corners."""
 
 
 class Training(Section):
@@ -212,11 +209,7 @@ def resolved_surveys(
     """
     for name, scene in scenes.items():
         if "parameters" in scene:
-            scene["parameters"] = {
-                parameter: Parameter.default_keys() | given
-                for parameter, given in scene["parameters"].items()
-            }
-            _check_parameters(name, scene)
+            scene["parameters"] = resolved_parameters(name, scene)
     return {name: _resolved(name, survey, scenes) for name, survey in surveys.items()}
 
 
@@ -342,43 +335,3 @@ def _check_quantity(key, quantity, scene):
             f"{checks.number(scene.error_interval)}, up to T = {checks.number(scene.duration)}"
         )
         raise refusal(None, f"{key}.time", time, allowed)
-
-
-def _check_parameters(name: str, settings: Mapping[str, Any]) -> None:
-    """Refuse ranges that are none, or in which the scene is none, and parameters nothing holds."""
-    parameters = settings["parameters"]
-    used = {word for text in _expressions(settings) for word in _names(text)}
-    for word, given in parameters.items():
-        key, (low, high) = f"parameters.{word}", given["range"]
-        if not low < high:
-            raise refusal(name, f"{key}.range", given["range"], "it must rise")
-        if given["scale"] == "logarithmic" and low <= 0:
-            allowed = "it must be positive where the scale is logarithmic"
-            raise refusal(name, f"{key}.range", given["range"], allowed)
-        if not low <= given["nominal"] <= high:
-            allowed = f"it must lie in the range {checks.number(low)} to {checks.number(high)}"
-            raise refusal(name, f"{key}.nominal", given["nominal"], allowed)
-        if word not in used:
-            allowed = f"no expression of the scene holds it; it may stand in {', '.join(PROFILES)}"
-            raise refusal(name, key, given, allowed)
-    inner = samples.points(parameters, {"count": CHECKED, "sampling": "halton"})
-    for values in np.concatenate([samples.corners(parameters), inner]):
-        point = dict(zip(parameters, map(float, values), strict=True))
-        try:
-            checks.check_setting(samples.scene_at(name, settings, point))
-        except ValueError as error:
-            told = str(error).removeprefix(f"scene {name}: ")
-            where = ", ".join(f"{word} = {value:g}" for word, value in point.items())
-            ranges = {word: given["range"] for word, given in parameters.items()}
-            raise refusal(name, "parameters", ranges, f"at {where}, {told}") from None
-
-
-def _expressions(settings: Mapping[str, Any]) -> Iterator[str]:
-    for key in PROFILES:
-        given = settings.get(key, ())
-        for term in given if isinstance(given, list) else [given]:
-            yield from map(str, term.values() if isinstance(term, Mapping) else [term])
-
-
-def _names(text):
-    return reads(ast.parse(text.strip()))

@@ -7,9 +7,11 @@ from typing import Any
 import numpy as np
 
 from sphpod.scene.scene import Scene, physical_settings
+from sphpod.surveys import distributions
 
 Ranges = Mapping[str, Mapping[str, Any]]
-"""Of each parameter its nominal value, range and scale, as the configuration has them."""
+"""Of each parameter its nominal value, range, and scale or distribution, as the configuration has
+them."""
 
 
 def scene_at(name: str, settings: Mapping[str, Any], values: Mapping[str, float]) -> Scene:
@@ -66,11 +68,16 @@ def _unit(dimensions, queries):
 
 
 def spread(ranges: Ranges, unit: np.ndarray) -> np.ndarray:
-    """Points (n, parameters) of the unit cube as values within the ranges."""
+    """Points (n, parameters) of the unit cube as values within the ranges.
+
+    A share of an edge is that of the range, of its logarithms, or of the probability in it.
+    """
     columns = []
     for share, given in zip(unit.T, ranges.values(), strict=True):
         low, high = given["range"]
-        if given.get("scale") == "logarithmic":
+        if "distribution" in given:
+            column = distributions.spread(given, share)
+        elif given.get("scale") == "logarithmic":
             column = np.exp(np.log(low) + share * (np.log(high) - np.log(low)))
         else:
             column = low + share * (high - low)
