@@ -7,7 +7,16 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from sphpod.config.fields import LARGEST_SEED, ModeCount, Name, ParameterName, Section, left_out
+from sphpod.config.fields import (
+    BY_SHAPE,
+    LARGEST_SEED,
+    ModeCount,
+    Name,
+    ParameterName,
+    Section,
+    Unique,
+    left_out,
+)
 from sphpod.config.parameters import resolved_parameters
 from sphpod.config.reading import refusal
 from sphpod.config.scene_section import Time
@@ -18,6 +27,9 @@ from sphpod.surveys import samples
 
 LARGEST_COUNT = 10**7
 """Queries that a survey may have, so that a slip of the pen does not fill the disk."""
+
+MOST_PLACES = 1000
+"""Places of one quantity, beyond which all particles are asked for."""
 
 OUTPUTS = 100
 """Intervals between the outputs of a survey that says nothing else."""
@@ -104,14 +116,19 @@ class Quantity(Section):
     """What all quantities have."""
 
 
-class Placed(Quantity):
+class Sensed(Quantity):
     """What quantities of a field have."""
 
     field: SurveyField = Field("velocity", description=f"{FIELD_ASKED}, default velocity")
-    place: float = Field(ge=0, description=PLACE_ASKED)
     width: float = left_out(
         gt=0, description="width of a sensor [m], which takes the mean; one particle if left out"
     )
+
+
+class Placed(Sensed):
+    """What quantities of a field at one place have."""
+
+    place: float = Field(ge=0, description=PLACE_ASKED)
 
 
 class History(Placed):
@@ -127,10 +144,26 @@ class Value(Placed):
     time: Time = left_out(description=f"{TIME_ASKED}, default T")
 
 
-class Maximum(Placed):
-    """The largest magnitude of a field at a place over time."""
+AnyPlaces = Annotated[
+    Annotated[Literal["all"], Tag("<scalar>")]
+    | Annotated[
+        list[Annotated[float, Field(ge=0, description=PLACE_ASKED)]],
+        Unique(),
+        Field(min_length=1, max_length=MOST_PLACES),
+        Tag("<list>"),
+    ],
+    BY_SHAPE,
+]
+
+
+class Maximum(Sensed):
+    """The largest magnitude of a field over time, at a place or over several."""
 
     kind: Literal["maximum"] = Field(description=WHAT_IS_ASKED)
+    place: float = left_out(ge=0, description=PLACE_ASKED)
+    places: AnyPlaces = left_out(
+        description="in the place of one, a list of places [m], or all, which are the particles"
+    )
 
 
 class Passage(Placed):
@@ -253,9 +286,9 @@ def _resolved(name, survey, scenes):
     if resolved.get("mode_count", 1) > most:
         allowed = f"at most the {most} particles of the scene"
         raise refusal(None, f"{key}.mode_count", resolved["mode_count"], allowed)
-    defaults = {"history": Placed, "value": Placed, "maximum": Placed, "passage": Placed}
+    energies = ("energy", "energy_loss")
     resolved["quantities"] = {
-        word: defaults.get(quantity["kind"], Quantity).default_keys() | quantity
+        word: (Quantity if quantity["kind"] in energies else Sensed).default_keys() | quantity
         for word, quantity in survey["quantities"].items()
     }
     return resolved
@@ -320,10 +353,19 @@ def _check_name(key, word, parameters, others):
 
 
 def _check_quantity(key, quantity, scene):
-    place, length = quantity.get("place", 0), scene.domain_length
-    if place >= length:
-        allowed = f"it must be at least 0 and below L = {checks.number(length)}"
-        raise refusal(None, f"{key}.place", place, allowed)
+    length = scene.domain_length
+    if quantity["kind"] == "maximum" and ("place" in quantity) == ("places" in quantity):
+        allowed = "a maximum has either a place, or places: a list of them, or all"
+        raise refusal(None, key, quantity, allowed)
+    if quantity.get("places") == "all" and "width" in quantity:
+        allowed = "a maximum over all places is that of single particles"
+        raise refusal(None, f"{key}.width", quantity["width"], allowed)
+    for word in ("place", "places"):
+        found = quantity.get(word, 0)
+        for place in found if isinstance(found, list) else [found]:
+            if place != "all" and place >= length:
+                allowed = f"it must be at least 0 and below L = {checks.number(length)}"
+                raise refusal(None, f"{key}.{word}", place, allowed)
     if quantity.get("width", 0) > length:
         allowed = f"it must be at most L = {checks.number(length)}"
         raise refusal(None, f"{key}.width", quantity["width"], allowed)
