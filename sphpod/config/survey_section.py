@@ -36,7 +36,7 @@ OUTPUTS = 100
 
 TAKEN = (
     *("t", "relative_bound", "relative_estimate", "certified", "reason", "query"),
-    *("true_error", "effectivity", "inside", "quantity", "parameter"),
+    *("true_error", "effectivity", "inside", "quantity", "parameter", "surface"),
     *(f"{kind}_index{end}" for kind in ("first", "total") for end in ("", "_low", "_high")),
     *("velocity_modes", "stress_modes", "translation", "mode_count", "training_points"),
 )

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.pipeline.dataset import Variable
-from sphpod.surveys import samples, sensitivity, training, validation
+from sphpod.surveys import responses, samples, sensitivity, training, validation
 from sphpod.surveys.answers import OF_QUERY, answer_all, chunk_points, of_settings, variables
 from sphpod.surveys.parts import Operators
 from sphpod.surveys.questions import questions
@@ -57,6 +57,18 @@ def shared_out(name: str, settings: Settings, survey: Settings, model: Arrays) -
     return sensitivity.share_out(name, settings, survey, model)
 
 
+def sections(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
+    """Quantities of a survey along each of its parameters."""
+    return responses.sections(name, settings, survey, model)
+
+
+def surfaces(
+    name: str, settings: Settings, survey: Settings, model: Arrays, sections: Arrays
+) -> dict:
+    """Quantities of a survey over two of its parameters."""
+    return responses.surfaces(name, settings, survey, model, sections)
+
+
 def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Variable]:
     """What the names mean of the arrays of all these."""
     none = np.zeros((1, settings["particle_count"]))
@@ -69,6 +81,7 @@ def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Varia
         **training.MODEL_VARIABLES,
         **validation.VARIABLES,
         **sensitivity.VARIABLES,
+        **responses.VARIABLES,
         **OF_QUERY,
         **variables(asked, settings["parameters"]),
     }

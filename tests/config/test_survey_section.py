@@ -8,7 +8,7 @@ from survey_cases import SCENE, SURVEY, settings
 from sphpod.config import survey_section
 from sphpod.config.config import ConfigError, load
 from sphpod.scene.scene import Scene, physical_settings
-from sphpod.surveys import answers, sensitivity, training, validation
+from sphpod.surveys import answers, responses, sensitivity, training, validation
 
 
 def refused(changed):
@@ -147,6 +147,7 @@ def test_no_parameter_has_a_name_of_the_results(name) -> None:
 
 
 def test_all_names_of_the_results_are_taken() -> None:
-    written = {**training.MODEL_VARIABLES, **validation.VARIABLES, **sensitivity.VARIABLES}
+    written = {**training.MODEL_VARIABLES, **validation.VARIABLES, **sensitivity.VARIABLES,
+               **responses.VARIABLES}  # fmt: skip
     assert {*written, *answers.OF_QUERY} <= {*survey_section.TAKEN}
     assert {*training.RUN_VARIABLES} <= {*survey_section.TAKEN_FROM_PARAMETERS}

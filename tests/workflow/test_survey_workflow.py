@@ -45,7 +45,8 @@ def surveyed(tmp_path_factory):
 def test_a_survey_gives_answers_tables_and_figures(surveyed) -> None:
     names = {path.name for path in (surveyed / FOLDER).iterdir()}
     tables = {f"{name}.csv" for name in ("answers", "quantiles", "indices", "validation")}
-    drawn = {f"{name}.png" for name in ("responses", "histograms", "indices", "errors")}
+    shown = "responses", "sections", "surfaces", "histograms", "indices", "errors"
+    drawn = {f"{name}.png" for name in shown}
     assert tables | drawn <= names
     answers = dataset.read(surveyed / FOLDER / "answers.nc")
     assert answers["sensor"].shape == (12, 21)

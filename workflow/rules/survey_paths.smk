@@ -69,6 +69,8 @@ SURVEY_TABLES = {
 }
 SURVEY_FIGURES = {
     "responses": "answers",
+    "sections": "sections",
+    "surfaces": "surfaces",
     "histograms": "answers",
     "indices": "indices",
     "errors": "validation",
@@ -104,6 +106,8 @@ def survey_options(wildcards):
     }
     asked = {
         "responses": ("parameters", "quantities"),
+        "sections": ("parameters", "quantities"),
+        "surfaces": ("parameters", "quantities"),
         "histograms": ("quantities",),
         "errors": ("tolerance",),
     }
@@ -114,7 +118,9 @@ def survey_files(survey):
     """All that a survey gives."""
     drawn, tables = [], ["answers", "quantiles"]
     if survey_numbers(survey):
-        drawn += ["responses", "histograms"]
+        drawn += ["responses", "sections", "histograms"]
+    if survey_numbers(survey) and len(SCENES[SURVEYS[survey]["scene"]]["parameters"]) > 1:
+        drawn += ["surfaces"]
     if survey_numbers(survey) and SURVEYS[survey]["sobol_samples"]:
         drawn, tables = [*drawn, "indices"], [*tables, "indices"]
     if SURVEYS[survey]["validation"]:
