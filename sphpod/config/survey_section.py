@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from sphpod.config.fields import (
@@ -20,13 +19,17 @@ from sphpod.config.fields import (
 from sphpod.config.parameters import resolved_parameters
 from sphpod.config.reading import refusal
 from sphpod.config.scene_section import Time
+from sphpod.config.sizes import check_sizes, survey_sizes
 from sphpod.numerics.expressions import Expression
 from sphpod.scene import checks
 from sphpod.scene.scene import Scene, is_whole
 from sphpod.surveys import samples
 
-LARGEST_COUNT = 10**7
-"""Queries that a survey may have, so that a slip of the pen does not fill the disk."""
+LARGEST_COUNT = 10**15
+"""Queries that can be counted; the memory that their answers take is checked."""
+
+MOST_JOBS = 10000
+"""Chunks of a survey, each of which is a job and a file."""
 
 MOST_PLACES = 1000
 """Places of one quantity, beyond which all particles are asked for."""
@@ -204,6 +207,7 @@ class Survey(Section):
     tolerance: float = Field(
         1e-2,
         gt=0,
+        le=1,
         description="largest relative error (energy norm, largest over time) that a query may have "
         "to be certified, default 1e-2",
     )
@@ -226,15 +230,21 @@ class Survey(Section):
         256,
         ge=0,
         le=2**20,
-        description="base samples of the Sobol indices, a power of two, each of which is a query "
+        description="base samples of the Sobol indices, a power of two from 2 on, each a query "
         "for each parameter and two more; 0 for none, default 256",
     )
 
 
 def resolved_surveys(
-    surveys: Mapping[str, Any], scenes: Mapping[str, Any]
+    surveys: Mapping[str, Any], scenes: Mapping[str, Any], memory: float
 ) -> dict[str, dict[str, Any]]:
     """Check surveys and the parameters of all scenes, and fill in the defaults of both.
+
+    Parameters
+    ----------
+    surveys, scenes : dict
+    memory : float
+        That a job may take [GB].
 
     Raises
     ------
@@ -243,10 +253,10 @@ def resolved_surveys(
     for name, scene in scenes.items():
         if "parameters" in scene:
             scene["parameters"] = resolved_parameters(name, scene)
-    return {name: _resolved(name, survey, scenes) for name, survey in surveys.items()}
+    return {name: _resolved(name, survey, scenes, memory) for name, survey in surveys.items()}
 
 
-def _resolved(name, survey, scenes):
+def _resolved(name, survey, scenes, memory):
     key = f"surveys.{name}"
     if survey["scene"] not in scenes:
         allowed = f"there is no such scene; allowed are {', '.join(scenes)}"
@@ -264,8 +274,8 @@ def _resolved(name, survey, scenes):
     }
     if "count" in survey["queries"]:
         resolved["queries"] = DrawnQueries.default_keys() | survey["queries"]
-    if resolved["sobol_samples"] & (resolved["sobol_samples"] - 1):
-        allowed = "it must be a power of two, or 0"
+    if (base := resolved["sobol_samples"]) == 1 or base & (base - 1):
+        allowed = "it must be a power of two from 2 on, or 0"
         raise refusal(None, f"{key}.sobol_samples", resolved["sobol_samples"], allowed)
     for word, given in settings["parameters"].items():
         if word in TAKEN_FROM_PARAMETERS:
@@ -274,11 +284,16 @@ def _resolved(name, survey, scenes):
                 f"this name is taken in the results of {key}; allowed are others than {others}"
             )
             raise refusal(survey["scene"], f"parameters.{word}", given, allowed)
-    _check_queries(key, resolved["queries"], settings["parameters"])
+    queries = _count_queries(key, resolved["queries"], settings["parameters"])
     scene = Scene.from_settings(survey["scene"], settings)
     _check_scene(scene, settings)
     resolved["output_interval"] = _output_interval(key, survey, scene)
     scene = replace(scene, error_interval=resolved["output_interval"])
+    of_survey = survey_sizes(key, scene, resolved, len(settings["parameters"]), queries)
+    check_sizes(None, of_survey, memory)
+    if (jobs := -(-queries // resolved["chunk_size"])) > MOST_JOBS:
+        allowed = f"that makes {jobs} jobs of {queries} queries; at most {MOST_JOBS} are allowed"
+        raise refusal(None, f"{key}.chunk_size", resolved["chunk_size"], allowed)
     for word, quantity in survey["quantities"].items():
         _check_name(f"{key}.quantities", word, settings["parameters"], survey["quantities"])
         _check_quantity(f"{key}.quantities.{word}", quantity, scene)
@@ -326,19 +341,16 @@ def _output_interval(key, survey, scene):
     return interval
 
 
-def _check_queries(key, queries, parameters):
+def _count_queries(key, queries, parameters):
+    """How many queries there are, once they are known to be some."""
     for name in queries.get("grid", ()):
         if name not in parameters:
             allowed = f"no such parameter; allowed are {', '.join(parameters)}"
             raise refusal(None, f"{key}.queries.grid", name, allowed)
-    if "grid" in queries and np.prod([float(n) for n in queries["grid"].values()]) > LARGEST_COUNT:
-        allowed = f"the grid may have at most {LARGEST_COUNT} points"
-        raise refusal(None, f"{key}.queries.grid", queries["grid"], allowed)
-    if "from" in queries:
-        try:
-            samples.points(parameters, queries)
-        except ValueError as error:
-            raise refusal(None, f"{key}.queries.from", queries["from"], str(error)) from None
+    try:
+        return samples.count(parameters, queries)
+    except ValueError as error:
+        raise refusal(None, f"{key}.queries.from", queries["from"], str(error)) from None
 
 
 def _check_name(key, word, parameters, others):

@@ -68,6 +68,8 @@ def responses(answers: Arrays, parameters: Ranges, quantities: Mapping[str, str]
 def sections(sections: Arrays, parameters: Ranges, quantities: Mapping[str, str]) -> Figure:
     """Each quantity along each parameter, the others being nominal, within its bound.
 
+    The band of a passage that may never come ends at the top.
+
     Parameters
     ----------
     sections : dict
@@ -81,6 +83,8 @@ def sections(sections: Arrays, parameters: Ranges, quantities: Mapping[str, str]
         part = _part(sections[name].size, list(parameters).index(parameter), len(parameters))
         x = sections[parameter][part]
         low, value, high = (sections[f"{name}{end}"][part] for end in ("_low", "", "_high"))
+        top = np.nanmax([sections[f"{name}{end}"] for end in ("", "_high")], initial=0)
+        high = np.where(np.isnan(high), top, high)
         axes.fill_between(x, low, high, color=SKY, alpha=0.5, linewidth=0, label="within the bound")
         axes.plot(x, value, color=BLUE, linewidth=0.8, label="value")
         nominal = parameters[parameter]["nominal"]

@@ -79,6 +79,14 @@ def test_what_a_scene_depends_on_holds_no_ranges() -> None:
         (settings(queries={"grid": {"foo": 2}}), "no such parameter; allowed are stiffness"),
         (settings(queries={"from": "no.csv"}), "it cannot be read as a table"),
         (settings(chunk_size=0), "it must be at least 1"),
+        (settings(queries={"count": 10**6}), "that makes 125000 jobs of 1000000 queries"),
+        (settings(queries={"count": 10**12}), "the answers of 1000000000000 queries take"),
+        (settings(queries={"grid": dict.fromkeys(SCENE["parameters"], 10**6)}), "queries take"),
+        (settings(training={"count": 10000}, output_interval=0.002), "training runs take 9.62 GB"),
+        (settings(sobol_samples=2**20) | {"memory": 1}, "5242880 queries of Sobol indices take"),
+        (settings(sobol_samples=1), "it must be a power of two from 2 on, or 0"),
+        (settings(sobol_samples=24), "it must be a power of two from 2 on, or 0"),
+        (settings(tolerance=2), "it must be at most 1"),
         (settings(mode_count=31), "at most the 30 particles"),
         (settings(output_interval=0.003), "a whole number of time steps"),
         (settings(quantities={"t": {"kind": "energy"}}), "this name is taken in the results"),
@@ -106,6 +114,26 @@ def test_a_fault_is_one_sentence(changed, told) -> None:
     assert "\n" not in sentence
 
 
+NUMBERS: dict[str, dict] = {
+    "training": {"count": 8, "seed": 1},
+    "queries": {"count": 16, "seed": 2},
+    "mode_count": {},
+    "tolerance": {},
+    "output_interval": {},
+    "chunk_size": {},
+    "validation": {},
+    "sobol_samples": {},
+}
+
+
+@pytest.mark.parametrize("key", NUMBERS)
+@pytest.mark.parametrize("value", ["many", [1], None, True, -1, float("nan"), float("inf"), 10**30])
+def test_no_number_of_a_survey_may_be_anything(key, value) -> None:
+    for inner in NUMBERS[key]:
+        assert f"{key}.{inner}" in refused(settings(**{key: NUMBERS[key] | {inner: value}}))
+    assert f"surveys.graded.{key} = " in refused(settings(**{key: value}))
+
+
 def test_a_scene_without_parameters_has_no_surveys() -> None:
     other = {key: value for key, value in SCENE.items() if key != "parameters"}
     plain = {"other": other | {"youngs_modulus": 1e-1, "damping": 0}}
@@ -120,6 +148,9 @@ def test_a_table_of_ones_own_needs_a_column_for_each_parameter(tmp_path) -> None
     path = tmp_path / "mine.csv"
     path.write_text("stiffness,contrast\n0.1,0.2\n")
     assert "it has no column decay" in refused(settings(queries={"from": str(path)}))
+    path.write_text("decay,stiffness,decay,contrast\n0.5,0.1,0.6,0.2\n")
+    assert "two of its columns are named decay" in refused(settings(queries={"from": str(path)}))
+    assert "there is no such file" in refused(settings(queries={"from": str(tmp_path)}))
     path.write_text("decay,stiffness,contrast\n0.5,0.1,0.2\n")
     load([], settings(queries={"from": str(path)}))
 
