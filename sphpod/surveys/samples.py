@@ -134,6 +134,8 @@ def _table(ranges, path):
     except (OSError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise ValueError(f"{path}: it cannot be read as a table ({reason})") from None
+    if not isinstance(table.index, pd.RangeIndex):
+        raise ValueError(f"{path}: its rows have more entries than there are names of columns")
     twice = [name for name, held in Counter(_names(path)).items() if held > 1]
     if twice:
         raise ValueError(f"{path}: two of its columns are named {twice[0]}")

@@ -159,6 +159,7 @@ def test_a_table_of_ones_own_needs_a_column_for_each_parameter(tmp_path) -> None
     ("rows", "told"),
     [
         ("", "it has no rows"),
+        ("0.5,0.1,0.2,7\n", "its rows have more entries than there are names of columns"),
         ("0.5,0.1,0.2\n0.5,0.1,\n", "row 2: contrast = nan is outside its range 0 to 0.6"),
         ("0.5,inf,0.2\n", "row 1: stiffness = inf is outside its range"),
         ("0.5,0.1,0.2\n0.5,9,0.2\n", "row 2: stiffness = 9 is outside its range 0.05 to 0.2"),
