@@ -35,7 +35,7 @@ from sphpod.config.scene_section import (
     error_interval,
     known_names,
 )
-from sphpod.config.sizes import check_sizes
+from sphpod.config.sizes import check_sizes, sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
 from sphpod.config.survey_section import resolved_surveys
 from sphpod.config.varied import check_pairs, check_variants
@@ -99,7 +99,7 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     }
     for name in resolved["scenes"]:
         _borrow(name, resolved["scenes"])
-    resolved["surveys"] = resolved_surveys(settings.get("surveys", {}), resolved["scenes"])
+    resolved["surveys"] = resolved_surveys(settings.get("surveys", {}), resolved["scenes"], memory)
     resolved["stability"] = resolved_stability(
         settings.get("stability", {}), resolved["scenes"], memory
     )
@@ -206,7 +206,7 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
             raise refusal(name, key, scene[key], least)
     try:
         physics = scenes.Scene.from_settings(name, scene)
-        check_sizes(physics, scene, memory)
+        check_sizes(name, sizes(physics, scene), memory)
         checks.check(physics)
     except ValueError as error:
         by_default = "error_interval" not in settings and "error_interval =" in str(error)

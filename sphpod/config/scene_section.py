@@ -37,8 +37,17 @@ class Parameter(Section):
     """A named number in expressions of the scene, and the range that surveys take it from."""
 
     nominal: float = Field(description="its value wherever the scene itself runs, in SI units")
-    range: list[float] = Field(
-        min_length=2, max_length=2, description="least and largest value of a survey, in SI units"
+    range: list[float] = left_out(
+        min_length=2,
+        max_length=2,
+        description="least and largest value of a survey, in SI units; if left out, the support of "
+        "the distribution, where that is bounded",
+    )
+    distribution: dict[str, dict[str, float]] = left_out(
+        min_length=1,
+        max_length=1,
+        description="a continuous distribution of scipy.stats, by name with its own parameters; "
+        "cut at the ends of the range; if left out, values are spread by the scale",
     )
     scale: Literal["linear", "logarithmic"] = Field(
         "linear",

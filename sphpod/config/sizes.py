@@ -1,6 +1,6 @@
 """What a scene holds in memory and on disk, and how long full SPH takes, before anything runs."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
 from sphpod.config.mode_counts import mode_limit
@@ -16,6 +16,15 @@ FIELDS_TOGETHER = 5
 
 SNAPSHOTS_TOGETHER = 6
 """Sets of snapshots that a decomposition holds, with its factors and what it measures of them."""
+
+RUN_FIELDS_TOGETHER = 8
+"""Fields of all training runs of a survey that their modes are made with."""
+
+ROWS_TOGETHER = 2
+"""Times that the job of all queries holds them."""
+
+IN_ROW = 5
+"""Numbers of a query beside its parameters and quantities."""
 
 FORCE_OF_STEP = 24, 192
 """Bytes that a step with a force takes in full SPH, and on the four times finer grid beside it."""
@@ -85,13 +94,59 @@ def sizes(scene: Scene, settings: Mapping[str, Any]) -> Iterator[Size]:
         )
 
 
-def check_sizes(scene: Scene, settings: Mapping[str, Any], memory: float) -> None:
-    """Refuse a scene of which a job would take more memory than is allowed.
+def survey_sizes(
+    key: str, scene: Scene, survey: Mapping[str, Any], parameters: int, queries: int
+) -> Iterator[Size]:
+    """What grows with the numbers of a survey.
 
     Parameters
     ----------
-    scene, settings
-        As in `sizes`.
+    key : str
+        Of its block of the configuration.
+    scene : Scene
+        With outputs where those of the survey are.
+    survey : dict
+    parameters, queries : int
+        How many there are.
+    """
+    outputs, count = output_count(scene), scene.particle_count
+    run = float(outputs) * count * NUMBER
+    yield Size(
+        f"{key}.output_interval",
+        scene.error_interval,
+        FIELDS_TOGETHER * run,
+        f"{outputs} outputs of {count} particles",
+    )
+    runs = survey["training"]["count"]
+    yield Size(
+        f"{key}.training.count", runs, RUN_FIELDS_TOGETHER * runs * run, f"{runs} training runs"
+    )
+    kinds = [quantity["kind"] for quantity in survey["quantities"].values()]
+    scalars = len(kinds) - kinds.count("history")
+    row = NUMBER * (parameters + IN_ROW + 3 * (scalars + outputs * kinds.count("history")))
+    yield Size(
+        f"{key}.queries",
+        survey["queries"],
+        float(ROWS_TOGETHER) * queries * row,
+        f"the answers of {queries} queries",
+    )
+    sampled = survey["sobol_samples"] * (parameters + 2)
+    yield Size(
+        f"{key}.sobol_samples",
+        survey["sobol_samples"],
+        float(ROWS_TOGETHER) * sampled * NUMBER * (parameters + IN_ROW + 3 * scalars),
+        f"the {sampled} queries of Sobol indices",
+    )
+
+
+def check_sizes(scene: str | None, sizes: Iterable[Size], memory: float) -> None:
+    """Refuse what a job would need more memory for than is allowed.
+
+    Parameters
+    ----------
+    scene : str or None
+        In whose block of the configuration the keys are, if in one.
+    sizes : iterable of Size
     memory : float
         In GB, as the configuration has it.
 
@@ -99,10 +154,10 @@ def check_sizes(scene: Scene, settings: Mapping[str, Any], memory: float) -> Non
     ------
     ConfigError
     """
-    for size in sizes(scene, settings):
+    for size in sizes:
         if size.memory > memory * 1e9:
             raise refusal(
-                scene.name,
+                scene,
                 size.key,
                 size.value,
                 f"{size.what} take {size.memory / 1e9:.3g} GB; at most {memory:g} GB are allowed, "

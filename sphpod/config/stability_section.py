@@ -11,7 +11,7 @@ from sphpod.config.fields import ModeCount, Name, SamplingName, SceneName, Secti
 from sphpod.config.mode_counts import check_count
 from sphpod.config.reading import ConfigError, refusal
 from sphpod.config.scene_section import Scene, error_interval, known_names
-from sphpod.config.sizes import check_sizes
+from sphpod.config.sizes import check_sizes, sizes
 from sphpod.reduced.snapshots import is_of_run
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
@@ -217,7 +217,7 @@ def _edge_scene(
     scene = {"error_interval": error_interval(settings), **settings}
     try:
         physics = scenes.Scene.from_settings(name, scene)
-        check_sizes(physics, scene, memory)
+        check_sizes(name, sizes(physics, scene), memory)
         checks.check_setting(physics)
     except ValueError as error:
         raise ConfigError(str(error)) from error

@@ -1,30 +1,45 @@
 """Surveys of parameters: their keys, and what these mean together."""
 
-import ast
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from pydantic import Discriminator, Field, Tag
 
-from sphpod.config.fields import LARGEST_SEED, ModeCount, Name, ParameterName, Section, left_out
+from sphpod.config.fields import (
+    BY_SHAPE,
+    LARGEST_SEED,
+    ModeCount,
+    Name,
+    ParameterName,
+    Section,
+    Unique,
+    left_out,
+)
+from sphpod.config.parameters import resolved_parameters
 from sphpod.config.reading import refusal
-from sphpod.config.scene_section import Parameter, Time
-from sphpod.numerics.expressions import Expression, reads
+from sphpod.config.scene_section import Time
+from sphpod.config.sizes import check_sizes, survey_sizes
+from sphpod.numerics.expressions import Expression
 from sphpod.scene import checks
-from sphpod.scene.scene import PROFILES, Scene, is_whole
+from sphpod.scene.scene import Scene, is_whole
 from sphpod.surveys import samples
 
-LARGEST_COUNT = 10**7
-"""Queries that a survey may have, so that a slip of the pen does not fill the disk."""
+LARGEST_COUNT = 10**15
+"""Queries that can be counted; the memory that their answers take is checked."""
+
+MOST_JOBS = 10000
+"""Chunks of a survey, each of which is a job and a file."""
+
+MOST_PLACES = 1000
+"""Places of one quantity, beyond which all particles are asked for."""
 
 OUTPUTS = 100
 """Intervals between the outputs of a survey that says nothing else."""
 
 TAKEN = (
     *("t", "relative_bound", "relative_estimate", "certified", "reason", "query"),
-    *("true_error", "effectivity", "inside", "quantity", "parameter"),
+    *("true_error", "effectivity", "inside", "quantity", "parameter", "surface"),
     *(f"{kind}_index{end}" for kind in ("first", "total") for end in ("", "_low", "_high")),
     *("velocity_modes", "stress_modes", "translation", "mode_count", "training_points"),
     *("contender", "integrator", "contender_mode_count", "contender_time_step", "query_error"),
@@ -34,9 +49,6 @@ TAKEN = (
 
 TAKEN_FROM_PARAMETERS = (*TAKEN, "velocity", "strain", "point", "extrapolate")
 """Names that no parameter of a survey has: those, of its training runs, and of calls to it."""
-
-CHECKED = 64
-"""Points within the ranges at which the scene is checked, beside their corners."""
 
 
 class Training(Section):
@@ -109,14 +121,19 @@ class Quantity(Section):
     """What all quantities have."""
 
 
-class Placed(Quantity):
+class Sensed(Quantity):
     """What quantities of a field have."""
 
     field: SurveyField = Field("velocity", description=f"{FIELD_ASKED}, default velocity")
-    place: float = Field(ge=0, description=PLACE_ASKED)
     width: float = left_out(
         gt=0, description="width of a sensor [m], which takes the mean; one particle if left out"
     )
+
+
+class Placed(Sensed):
+    """What quantities of a field at one place have."""
+
+    place: float = Field(ge=0, description=PLACE_ASKED)
 
 
 class History(Placed):
@@ -132,10 +149,26 @@ class Value(Placed):
     time: Time = left_out(description=f"{TIME_ASKED}, default T")
 
 
-class Maximum(Placed):
-    """The largest magnitude of a field at a place over time."""
+AnyPlaces = Annotated[
+    Annotated[Literal["all"], Tag("<scalar>")]
+    | Annotated[
+        list[Annotated[float, Field(ge=0, description=PLACE_ASKED)]],
+        Unique(),
+        Field(min_length=1, max_length=MOST_PLACES),
+        Tag("<list>"),
+    ],
+    BY_SHAPE,
+]
+
+
+class Maximum(Sensed):
+    """The largest magnitude of a field over time, at a place or over several."""
 
     kind: Literal["maximum"] = Field(description=WHAT_IS_ASKED)
+    place: float = left_out(ge=0, description=PLACE_ASKED)
+    places: AnyPlaces = left_out(
+        description="in the place of one, a list of places [m], or all, which are the particles"
+    )
 
 
 class Passage(Placed):
@@ -176,6 +209,7 @@ class Survey(Section):
     tolerance: float = Field(
         1e-2,
         gt=0,
+        le=1,
         description="largest relative error (energy norm, largest over time) that a query may have "
         "to be certified, default 1e-2",
     )
@@ -198,7 +232,7 @@ class Survey(Section):
         256,
         ge=0,
         le=2**20,
-        description="base samples of the Sobol indices, a power of two, each of which is a query "
+        description="base samples of the Sobol indices, a power of two from 2 on, each a query "
         "for each parameter and two more; 0 for none, default 256",
     )
     cost_repeats: int = Field(
@@ -211,9 +245,15 @@ class Survey(Section):
 
 
 def resolved_surveys(
-    surveys: Mapping[str, Any], scenes: Mapping[str, Any]
+    surveys: Mapping[str, Any], scenes: Mapping[str, Any], memory: float
 ) -> dict[str, dict[str, Any]]:
     """Check surveys and the parameters of all scenes, and fill in the defaults of both.
+
+    Parameters
+    ----------
+    surveys, scenes : dict
+    memory : float
+        That a job may take [GB].
 
     Raises
     ------
@@ -221,15 +261,11 @@ def resolved_surveys(
     """
     for name, scene in scenes.items():
         if "parameters" in scene:
-            scene["parameters"] = {
-                parameter: Parameter.default_keys() | given
-                for parameter, given in scene["parameters"].items()
-            }
-            _check_parameters(name, scene)
-    return {name: _resolved(name, survey, scenes) for name, survey in surveys.items()}
+            scene["parameters"] = resolved_parameters(name, scene)
+    return {name: _resolved(name, survey, scenes, memory) for name, survey in surveys.items()}
 
 
-def _resolved(name, survey, scenes):
+def _resolved(name, survey, scenes, memory):
     key = f"surveys.{name}"
     if survey["scene"] not in scenes:
         allowed = f"there is no such scene; allowed are {', '.join(scenes)}"
@@ -247,8 +283,8 @@ def _resolved(name, survey, scenes):
     }
     if "count" in survey["queries"]:
         resolved["queries"] = DrawnQueries.default_keys() | survey["queries"]
-    if resolved["sobol_samples"] & (resolved["sobol_samples"] - 1):
-        allowed = "it must be a power of two, or 0"
+    if (base := resolved["sobol_samples"]) == 1 or base & (base - 1):
+        allowed = "it must be a power of two from 2 on, or 0"
         raise refusal(None, f"{key}.sobol_samples", resolved["sobol_samples"], allowed)
     for word, given in settings["parameters"].items():
         if word in TAKEN_FROM_PARAMETERS:
@@ -257,11 +293,16 @@ def _resolved(name, survey, scenes):
                 f"this name is taken in the results of {key}; allowed are others than {others}"
             )
             raise refusal(survey["scene"], f"parameters.{word}", given, allowed)
-    _check_queries(key, resolved["queries"], settings["parameters"])
+    queries = _count_queries(key, resolved["queries"], settings["parameters"])
     scene = Scene.from_settings(survey["scene"], settings)
     _check_scene(scene, settings)
     resolved["output_interval"] = _output_interval(key, survey, scene)
     scene = replace(scene, error_interval=resolved["output_interval"])
+    of_survey = survey_sizes(key, scene, resolved, len(settings["parameters"]), queries)
+    check_sizes(None, of_survey, memory)
+    if (jobs := -(-queries // resolved["chunk_size"])) > MOST_JOBS:
+        allowed = f"that makes {jobs} jobs of {queries} queries; at most {MOST_JOBS} are allowed"
+        raise refusal(None, f"{key}.chunk_size", resolved["chunk_size"], allowed)
     for word, quantity in survey["quantities"].items():
         _check_name(f"{key}.quantities", word, settings["parameters"], survey["quantities"])
         _check_quantity(f"{key}.quantities.{word}", quantity, scene)
@@ -269,9 +310,9 @@ def _resolved(name, survey, scenes):
     if resolved.get("mode_count", 1) > most:
         allowed = f"at most the {most} particles of the scene"
         raise refusal(None, f"{key}.mode_count", resolved["mode_count"], allowed)
-    defaults = {"history": Placed, "value": Placed, "maximum": Placed, "passage": Placed}
+    energies = ("energy", "energy_loss")
     resolved["quantities"] = {
-        word: defaults.get(quantity["kind"], Quantity).default_keys() | quantity
+        word: (Quantity if quantity["kind"] in energies else Sensed).default_keys() | quantity
         for word, quantity in survey["quantities"].items()
     }
     return resolved
@@ -309,19 +350,16 @@ def _output_interval(key, survey, scene):
     return interval
 
 
-def _check_queries(key, queries, parameters):
+def _count_queries(key, queries, parameters):
+    """How many queries there are, once they are known to be some."""
     for name in queries.get("grid", ()):
         if name not in parameters:
             allowed = f"no such parameter; allowed are {', '.join(parameters)}"
             raise refusal(None, f"{key}.queries.grid", name, allowed)
-    if "grid" in queries and np.prod([float(n) for n in queries["grid"].values()]) > LARGEST_COUNT:
-        allowed = f"the grid may have at most {LARGEST_COUNT} points"
-        raise refusal(None, f"{key}.queries.grid", queries["grid"], allowed)
-    if "from" in queries:
-        try:
-            samples.points(parameters, queries)
-        except ValueError as error:
-            raise refusal(None, f"{key}.queries.from", queries["from"], str(error)) from None
+    try:
+        return samples.count(parameters, queries)
+    except ValueError as error:
+        raise refusal(None, f"{key}.queries.from", queries["from"], str(error)) from None
 
 
 def _check_name(key, word, parameters, others):
@@ -336,10 +374,19 @@ def _check_name(key, word, parameters, others):
 
 
 def _check_quantity(key, quantity, scene):
-    place, length = quantity.get("place", 0), scene.domain_length
-    if place >= length:
-        allowed = f"it must be at least 0 and below L = {checks.number(length)}"
-        raise refusal(None, f"{key}.place", place, allowed)
+    length = scene.domain_length
+    if quantity["kind"] == "maximum" and ("place" in quantity) == ("places" in quantity):
+        allowed = "a maximum has either a place, or places: a list of them, or all"
+        raise refusal(None, key, quantity, allowed)
+    if quantity.get("places") == "all" and "width" in quantity:
+        allowed = "a maximum over all places is that of single particles"
+        raise refusal(None, f"{key}.width", quantity["width"], allowed)
+    for word in ("place", "places"):
+        found = quantity.get(word, 0)
+        for place in found if isinstance(found, list) else [found]:
+            if place != "all" and place >= length:
+                allowed = f"it must be at least 0 and below L = {checks.number(length)}"
+                raise refusal(None, f"{key}.{word}", place, allowed)
     if quantity.get("width", 0) > length:
         allowed = f"it must be at most L = {checks.number(length)}"
         raise refusal(None, f"{key}.width", quantity["width"], allowed)
@@ -351,43 +398,3 @@ def _check_quantity(key, quantity, scene):
             f"{checks.number(scene.error_interval)}, up to T = {checks.number(scene.duration)}"
         )
         raise refusal(None, f"{key}.time", time, allowed)
-
-
-def _check_parameters(name: str, settings: Mapping[str, Any]) -> None:
-    """Refuse ranges that are none, or in which the scene is none, and parameters nothing holds."""
-    parameters = settings["parameters"]
-    used = {word for text in _expressions(settings) for word in _names(text)}
-    for word, given in parameters.items():
-        key, (low, high) = f"parameters.{word}", given["range"]
-        if not low < high:
-            raise refusal(name, f"{key}.range", given["range"], "it must rise")
-        if given["scale"] == "logarithmic" and low <= 0:
-            allowed = "it must be positive where the scale is logarithmic"
-            raise refusal(name, f"{key}.range", given["range"], allowed)
-        if not low <= given["nominal"] <= high:
-            allowed = f"it must lie in the range {checks.number(low)} to {checks.number(high)}"
-            raise refusal(name, f"{key}.nominal", given["nominal"], allowed)
-        if word not in used:
-            allowed = f"no expression of the scene holds it; it may stand in {', '.join(PROFILES)}"
-            raise refusal(name, key, given, allowed)
-    inner = samples.points(parameters, {"count": CHECKED, "sampling": "halton"})
-    for values in np.concatenate([samples.corners(parameters), inner]):
-        point = dict(zip(parameters, map(float, values), strict=True))
-        try:
-            checks.check_setting(samples.scene_at(name, settings, point))
-        except ValueError as error:
-            told = str(error).removeprefix(f"scene {name}: ")
-            where = ", ".join(f"{word} = {value:g}" for word, value in point.items())
-            ranges = {word: given["range"] for word, given in parameters.items()}
-            raise refusal(name, "parameters", ranges, f"at {where}, {told}") from None
-
-
-def _expressions(settings: Mapping[str, Any]) -> Iterator[str]:
-    for key in PROFILES:
-        given = settings.get(key, ())
-        for term in given if isinstance(given, list) else [given]:
-            yield from map(str, term.values() if isinstance(term, Mapping) else [term])
-
-
-def _names(text):
-    return reads(ast.parse(text.strip()))

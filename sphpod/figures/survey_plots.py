@@ -4,7 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from sphpod.figures.plotting import (
     BLACK,
@@ -21,6 +23,12 @@ from sphpod.figures.plotting import (
 
 PANEL = 1.5
 """Height of a panel [inches]."""
+
+MOST_COLUMNS = 3
+"""Panels beside each other."""
+
+MARGIN = 0.05
+"""Part of a range that is shown beyond its ends."""
 
 MOST_DOTS = 2000
 """Queries that a panel shows, evenly picked: more would only be a stain."""
@@ -41,32 +49,133 @@ def responses(answers: Arrays, parameters: Ranges, quantities: Mapping[str, str]
     quantities : dict
         Label of each quantity that is shown.
     """
-    rows, columns = len(quantities), len(parameters)
-    figure = Figure(figsize=(COLUMN_WIDTH, 0.5 + PANEL * rows), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex="col", sharey="row")
+    figure, panels = _panels(parameters, quantities)
     shown = np.unique(np.linspace(0, answers["certified"].size - 1, MOST_DOTS).astype(int))
-    for row, (name, label) in zip(panels, quantities.items(), strict=True):
-        for axes, (parameter, given) in zip(row, parameters.items(), strict=True):
-            x, y = answers[parameter][shown], answers[name][shown]
-            certified = answers["certified"][shown] == 1
-            for which, color, label in (
-                (~certified, GREY, "not certified"),
-                (certified, BLUE, "certified"),
-            ):
-                axes.plot(
-                    x[which], y[which], ".", color=color, markersize=2, rasterized=True, label=label
-                )
-            if given.get("scale") == "logarithmic":
-                axes.set_xscale("log")
-                ends = given["range"]
-                axes.set_xticks(ends, labels=[f"{end:g}" for end in ends])
-                axes.minorticks_off()
-        row[0].set_ylabel(label)
-    for axes, parameter in zip(panels[-1], parameters, strict=True):
-        axes.set_xlabel(parameter)
-    handles, labels = panels[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside upper center", ncols=2, markerscale=3)
+    certified = answers["certified"][shown] == 1
+    for (name, parameter), axes in panels.items():
+        x, y = answers[parameter][shown], answers[name][shown]
+        for which, color, label in (
+            (~certified, GREY, "not certified"),
+            (certified, BLUE, "certified"),
+        ):
+            axes.plot(
+                x[which], y[which], ".", color=color, markersize=2, rasterized=True, label=label
+            )
+    _explain(figure, panels, markerscale=3)
     return figure
+
+
+@styled
+def sections(sections: Arrays, parameters: Ranges, quantities: Mapping[str, str]) -> Figure:
+    """Each quantity along each parameter, the others being nominal, within its bound.
+
+    The band of a passage that may never come ends at the top.
+
+    Parameters
+    ----------
+    sections : dict
+        Parameters, and quantities with _low and _high (queries,), as many queries for each
+        parameter in turn.
+    parameters, quantities
+        As in `responses`; of parameters their nominal values too.
+    """
+    figure, panels = _panels(parameters, quantities)
+    for (name, parameter), axes in panels.items():
+        part = _part(sections[name].size, list(parameters).index(parameter), len(parameters))
+        x = sections[parameter][part]
+        low, value, high = (sections[f"{name}{end}"][part] for end in ("_low", "", "_high"))
+        top = np.nanmax([sections[f"{name}{end}"] for end in ("", "_high")], initial=0)
+        high = np.where(np.isnan(high), top, high)
+        axes.fill_between(x, low, high, color=SKY, alpha=0.5, linewidth=0, label="within the bound")
+        axes.plot(x, value, color=BLUE, linewidth=0.8, label="value")
+        nominal = parameters[parameter]["nominal"]
+        axes.axvline(nominal, color=GREY, linestyle="--", linewidth=0.6, label="nominal")
+    _explain(figure, panels)
+    return figure
+
+
+@styled
+def surfaces(surfaces: Arrays, parameters: Ranges, quantities: Mapping[str, str]) -> Figure:
+    """Each quantity over the two parameters that it depends on most, the others being nominal.
+
+    Parameters
+    ----------
+    surfaces : dict
+        Parameters and quantities (queries,), of as many queries for each block; surface, the block
+        of each quantity, (quantities,).
+    parameters, quantities
+        As in `responses`.
+    """
+    figure = Figure(figsize=(COLUMN_WIDTH, 0.1 + PANEL * len(quantities)), layout="constrained")
+    panels = figure.subplots(len(quantities), 1, squeeze=False)[:, 0]
+    blocks = int(surfaces["surface"].max()) + 1
+    for n, (axes, (name, label)) in enumerate(zip(panels, quantities.items(), strict=True)):
+        part = _part(surfaces[name].size, int(surfaces["surface"][n]), blocks)
+        first, second = (word for word in parameters if np.ptp(surfaces[word][part]) > 0)
+        x, y = (np.unique(surfaces[word][part]) for word in (first, second))
+        values = surfaces[name][part].reshape(x.size, y.size).T
+        drawn = axes.pcolormesh(x, y, values, cmap="viridis", rasterized=True)
+        bar = figure.colorbar(drawn, ax=axes, label=label)
+        _numbered(bar.ax, "y")
+        _scaled(axes, "x", first, parameters[first])
+        _scaled(axes, "y", second, parameters[second])
+    return figure
+
+
+def _part(size, number, parts):
+    """Which of all queries are those of a part."""
+    count = size // parts
+    return slice(number * count, (number + 1) * count)
+
+
+def _panels(parameters, quantities):
+    """A figure with a panel for each parameter of each quantity, by their names."""
+    across = min(len(parameters), MOST_COLUMNS)
+    rows = -(-len(parameters) // across)
+    wrapped = rows > 1
+    height = 0.5 + (PANEL + 0.2 * wrapped) * rows * len(quantities)
+    figure = Figure(figsize=(COLUMN_WIDTH, height), layout="constrained")
+    grid = figure.add_gridspec(rows * len(quantities), across)
+    panels: dict[tuple[str, str], Axes] = {}
+    for m, (name, label) in enumerate(quantities.items()):
+        shared = None
+        for n, (parameter, given) in enumerate(parameters.items()):
+            row, column = m * rows + n // across, n % across
+            shared = axes = figure.add_subplot(grid[row, column], sharey=shared)
+            panels[name, parameter] = axes
+            last = wrapped or m == len(quantities) - 1
+            _scaled(axes, "x", parameter if last else "", given)
+            axes.tick_params(labelleft=column == 0, labelbottom=last)
+            _numbered(axes, "y")
+            if column == 0:
+                axes.set_ylabel(label)
+    return figure, panels
+
+
+def _scaled(axes, side, label, given):
+    """Label, scale and ends of the axis of a parameter, x or y."""
+    axis, ends = getattr(axes, f"{side}axis"), np.array(given["range"], float)
+    axis.set_label_text(label)
+    if given.get("scale") == "logarithmic":
+        axes.set(**{f"{side}scale": "log"})
+        axis.set_ticks(ends, labels=[f"{end:g}" for end in ends])
+        axis.set_minor_locator(NullLocator())
+        beyond = ends * (ends / ends[::-1]) ** MARGIN
+    else:
+        axis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
+        beyond = ends + MARGIN * (ends - ends[::-1])
+    axes.set(**{f"{side}lim": beyond})
+
+
+def _numbered(axes, side):
+    """Few numbers on the axis of a quantity, and short ones."""
+    getattr(axes, f"{side}axis").set_major_locator(MaxNLocator(5))
+    axes.ticklabel_format(axis=side, scilimits=(-2, 4))
+
+
+def _explain(figure, panels, **look):
+    handles, labels = next(iter(panels.values())).get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside upper center", ncols=len(labels), **look)
 
 
 @styled
@@ -81,6 +190,7 @@ def histograms(answers: Arrays, quantities: Mapping[str, str]) -> Figure:
             axes.axvline(np.quantile(known, share), color=BLACK, linestyle="--", linewidth=0.6)
         axes.set_xlabel(label)
         axes.set_ylabel("queries")
+        _numbered(axes, "x")
     return figure
 
 
@@ -122,6 +232,7 @@ def errors(validation: Arrays, tolerance: float) -> Figure:
         axes.plot(number, values, marker, color=color, label=label, markersize=4)
     axes.axhline(tolerance, color=GREY, linestyle="--", linewidth=0.8, label="tolerance")
     axes.set_yscale("log")
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.set_xlabel("random query, by rising true error")
     axes.set_ylabel("energy norm of the error")
     figure.legend(loc="outside upper center", ncols=2)

@@ -16,11 +16,18 @@ from sphpod.numerics.expressions import Expression
 from sphpod.numerics.separation import Products
 from sphpod.reduced import lifted_rom
 from sphpod.reference import exact, reference
+from sphpod.scene.ends import VELOCITY, Ends, Mirrored
 from sphpod.scene.scene import IN_X_AND_T, Scene
 from sphpod.studies.scaling import PLAIN, waves
 from sphpod.studies.study import Dataset, Study, step_scene
+from sphpod.surveys import training
+from sphpod.surveys.parts import Operators
+from sphpod.surveys.query import Survey
 
 MODES = 12
+
+OUTPUTS = 100
+"""Intervals between the outputs of a training run."""
 
 SHORTEST = 0.02
 """Seconds that a timed run lasts at least."""
@@ -93,6 +100,9 @@ def _pairs(scene: Scene) -> list[Pair]:
     in_time = Expression(f"({modulus.text}) + 0*t", IN_X_AND_T, modulus.constants)
     stepped = replace(scene, youngs_modulus=in_time)
     undamped, varied = Undamped(**settings), Varied(**settings)
+    free = Ends("free", "free", scene.domain_length / 2)
+    even = Mirrored(scene.initial_velocity, free, scene.spacing, VELOCITY)
+    ended = replace(scene, ends=free, initial_velocity=even)
     kept = np.zeros((2, scene.error_times.size, scene.particle_count))
     last = np.array([0, scene.step_count])
     ends = np.zeros((2, 2, scene.particle_count))
@@ -125,6 +135,8 @@ def _pairs(scene: Scene) -> list[Pair]:
         Pair("varying modulus", "lifted full model", strained(scene), strained(varied)),
         Pair("modulus in time", "full SPH", plain, full(stepped)),
         Pair("modulus in time", "lifted full model", strained(scene), strained(stepped)),
+        Pair("ends", "full SPH", full(replace(ended, ends=None)), full(ended)),
+        *_of_surveys(scene, plain),
         Pair("nonlinearity", "full SPH", strained(scene), plain),
         Pair("neighbour search", "full SPH", found("stencil"), found("lists")),
         Pair("outputs nobody asked for", "full SPH", full(scene, last, fields=ends), plain),
@@ -133,6 +145,45 @@ def _pairs(scene: Scene) -> list[Pair]:
             "reference solution, N/4",
             lambda: exact.solve(coarse),
             lambda: reference.solve_centred(coarse, estimate_error=True),
+        ),
+    ]
+
+
+def _of_surveys(scene: Scene, plain: Run) -> list[Pair]:
+    """What of a survey a run at nominal values, and a parameter that scales a force, do without."""
+    rows = waves(scene.particle_count, MODES)
+    shared = {"velocity_modes": rows, "stress_modes": rows[1:], "translation": 1}
+    settings = {
+        "domain_length": scene.domain_length,
+        "duration": scene.duration,
+        "initial_velocity": scene.initial_velocity.text,
+        "initial_density": scene.initial_density.text,
+        "youngs_modulus": scene.youngs_modulus.text,
+        "particle_count": scene.particle_count,
+        "smoothing_ratio": scene.smoothing_ratio,
+        "time_step": scene.time_step,
+        "error_interval": scene.duration / OUTPUTS,
+        "parameters": {"size": {"nominal": 1e-3, "range": [0, 1e-2], "scale": "linear"}},
+    }
+    survey = {"training": {"count": 1}, "mode_count": MODES}
+
+    def query(profile):
+        force = {"time": "size*cos(4*t)", "profile": profile}
+        of_survey = Survey(Operators(scene.name, settings | {"force": force}, shared), MODES)
+        return lambda: of_survey.model({"size": 2e-3})
+
+    def with_survey():
+        plain()
+        run = training.run(scene.name, settings, survey, 0)
+        training.train(scene.name, settings, survey, [run])
+
+    return [
+        Pair("a survey", "full SPH at nominal values", plain, with_survey),
+        Pair(
+            "operators of a force that is scaled",
+            "query of a survey, k = 12",
+            query("sin(2*pi*x/L)"),
+            query("sin(2*pi*x/L)*exp(0*size*x)"),
         ),
     ]
 

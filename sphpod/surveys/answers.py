@@ -1,7 +1,7 @@
 """Many queries, one row each: whatever the others are, and in whatever order they come."""
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -110,4 +110,24 @@ def of_settings(
 def chunk_points(survey: Mapping[str, Any], ranges: samples.Ranges, chunk: int) -> np.ndarray:
     """Values of the parameters of the queries of a chunk, (queries, parameters)."""
     first = chunk * survey["chunk_size"]
-    return samples.points(ranges, survey["queries"])[first : first + survey["chunk_size"]]
+    return samples.points(ranges, survey["queries"], first, first + survey["chunk_size"])
+
+
+def joined(
+    survey: Mapping[str, Any], ranges: samples.Ranges, chunks: Iterable[Mapping[str, np.ndarray]]
+) -> dict[str, np.ndarray]:
+    """All chunks together, of which one alone is held beside what is joined."""
+    every: dict[str, np.ndarray] = {}
+    first, count = 0, samples.count(ranges, survey["queries"])
+    for chunk in chunks:
+        last = first + len(chunk["reason"])
+        for name, values in chunk.items():
+            if name == "t":
+                every[name] = values
+                continue
+            if name not in every:
+                kind = object if values.dtype.kind == "U" else values.dtype
+                every[name] = np.empty((count, *values.shape[1:]), kind)
+            every[name][first:last] = values
+        first = last
+    return every

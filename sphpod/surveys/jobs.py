@@ -4,14 +4,21 @@ Functions are given the name and settings of the scene and the settings of the s
 read as arrays, by the names of the rule's inputs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
 
 from sphpod.pipeline.dataset import Variable
-from sphpod.surveys import cost, samples, sensitivity, training, validation
-from sphpod.surveys.answers import OF_QUERY, answer_all, chunk_points, of_settings, variables
+from sphpod.surveys import cost, responses, samples, sensitivity, training, validation
+from sphpod.surveys.answers import (
+    OF_QUERY,
+    answer_all,
+    chunk_points,
+    joined,
+    of_settings,
+    variables,
+)
 from sphpod.surveys.parts import Operators
 from sphpod.surveys.questions import questions
 
@@ -24,11 +31,11 @@ def training_run(name: str, settings: Settings, survey: Settings, number: int) -
     return training.run(name, settings, survey, number)
 
 
-def model(name: str, settings: Settings, survey: Settings, runs: Sequence[Arrays] = ()) -> dict:
+def model(name: str, settings: Settings, survey: Settings, runs: Iterable[Arrays] = ()) -> dict:
     """Modes that the queries of a survey share."""
     if survey["training"]["method"] == "greedy":
         return training.train_greedily(name, settings, survey)
-    return training.train(name, settings, survey, runs)
+    return training.train(name, settings, survey, list(runs))
 
 
 def queries(name: str, settings: Settings, survey: Settings, model: Arrays, chunk: int) -> dict:
@@ -38,13 +45,10 @@ def queries(name: str, settings: Settings, survey: Settings, model: Arrays, chun
     return answer_all(reduced, asked, points, survey["tolerance"])
 
 
-def answers(name: str, settings: Settings, survey: Settings, chunks: Sequence[Arrays]) -> dict:
+def answers(name: str, settings: Settings, survey: Settings, chunks: Iterable[Arrays]) -> dict:
     """All queries of a survey."""
-    del name, settings, survey
-    return {
-        key: values if key == "t" else np.concatenate([chunk[key] for chunk in chunks])
-        for key, values in chunks[0].items()
-    }
+    del name
+    return joined(survey, settings["parameters"], chunks)
 
 
 def validated(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
@@ -62,6 +66,18 @@ def timed(name: str, settings: Settings, survey: Settings, model: Arrays) -> dic
     return cost.measure(name, settings, survey, model)
 
 
+def sections(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
+    """Quantities of a survey along each of its parameters."""
+    return responses.sections(name, settings, survey, model)
+
+
+def surfaces(
+    name: str, settings: Settings, survey: Settings, model: Arrays, sections: Arrays
+) -> dict:
+    """Quantities of a survey over two of its parameters."""
+    return responses.surfaces(name, settings, survey, model, sections)
+
+
 def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Variable]:
     """What the names mean of the arrays of all these."""
     none = np.zeros((1, settings["particle_count"]))
@@ -75,6 +91,7 @@ def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Varia
         **validation.VARIABLES,
         **sensitivity.VARIABLES,
         **cost.VARIABLES,
+        **responses.VARIABLES,
         **OF_QUERY,
         **variables(asked, settings["parameters"]),
     }
@@ -82,5 +99,5 @@ def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Varia
 
 def chunk_count(settings: Settings, survey: Settings) -> int:
     """Jobs that the queries of a survey are split into."""
-    count = len(samples.points(settings["parameters"], survey["queries"]))
-    return max(1, -(-count // survey["chunk_size"]))
+    count = samples.count(settings["parameters"], survey["queries"])
+    return -(-count // survey["chunk_size"])

@@ -20,7 +20,7 @@ class LoadedSurvey:
     Attributes
     ----------
     ranges : dict
-        Of each parameter its nominal value, range and scale.
+        Of each parameter its nominal value, range, and scale or distribution.
     """
 
     def __init__(

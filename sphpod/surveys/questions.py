@@ -6,7 +6,8 @@ With ε the bound of the energy norm and u the solution,
   particle's velocity, 1/√(V c) of its strain, √(c/V) of its stress; of a sensor that takes the mean
   with weights w, √(Σ w² of their squares);
 - the energy by at most ε (|u| + ε/2);
-- a maximum lies between the maxima of |value| - bound and of |value| + bound;
+- a maximum lies between the maxima of |value| - bound and of |value| + bound, over all places that
+  it is of, each with its own bound;
 - a passage between the times at which |value| + bound and |value| - bound reach the level; a time
   that is not reached is NaN.
 
@@ -45,8 +46,8 @@ class Question:
         self.times = scene.error_times
         time = asked.get("time", scene.duration)
         self.output = int(np.argmin(np.abs(self.times - time)))
-        if "place" in asked:
-            self.particles, self.weights = _sensor(scene, asked["place"], asked.get("width", 0))
+        if "field" in asked:
+            self.particles, self.weights, self.firsts = _sensors(scene, asked)
 
     @property
     def is_curve(self) -> bool:
@@ -60,7 +61,7 @@ class Question:
         if kind in ("energy", "energy_loss"):
             lost = "lost since the start" if kind == "energy_loss" else "on a unit of cross-section"
             return Variable(dims, OF_ENERGY, f"energy {lost}, at t = {self.times[self.output]:g} s")
-        field, place = self.asked["field"], f"at x = {self.asked['place']:g} m"
+        field, place = self.asked["field"], _where(self.asked)
         if kind == "passage":
             level = f"{self.asked['level']:g} {UNITS[field]}"
             return Variable(dims, "s", f"first output at which the {field} {place} reaches {level}")
@@ -77,34 +78,43 @@ class Question:
         if kind in ("energy", "energy_loss"):
             return self._energy(answer, kind == "energy_loss")
         field, reach = self.sensed(answer, values)
-        margin = reach * answer.bound
+        margin = answer.bound[:, None] * reach
+        if kind == "maximum":
+            size = np.abs(field)
+            return size.max(), max(0.0, (size - margin).max()), (size + margin).max()
+        field, margin = field[:, 0], margin[:, 0]
         if kind == "history":
             return field, field - margin, field + margin
         if kind == "value":
             value, off = field[self.output], margin[self.output]
             return value, value - off, value + off
         size = np.abs(field)
-        if kind == "maximum":
-            return size.max(), max(0.0, (size - margin).max()), (size + margin).max()
         found = (self._reached(each) for each in (size, size + margin, size - margin))
         return tuple(found)  # type: ignore[return-value]
 
-    def sensed(self, answer: Answer, values: Values) -> tuple[np.ndarray, float]:
-        """The field at the sensor (times,), and how far a unit of energy norm moves it."""
+    def sensed(self, answer: Answer, values: Values) -> tuple[np.ndarray, np.ndarray]:
+        """The field at the sensors, (times, sensors), and how far a unit of energy norm moves it.
+
+        Over all particles it is the one quantity that costs as many operations as there are.
+        """
         operators, at, weights = self.operators, self.particles, self.weights
         volumes, query = operators.volumes[at], answer.query
         if self.asked["field"] == "velocity":
             density = operators.density.some(values, at)
             modes = operators.velocity_modes[: len(query.velocity_modes), at]
             coordinates = answer.coordinates[0] @ query.velocity_modes
-            shape, squares = modes @ weights, weights**2 / (density * volumes)
+            shapes, squares = modes * weights, weights**2 / (density * volumes)
         else:
             modulus = operators.modulus.some(values, at)
             modes = operators.stress_modes[: len(query.stress_modes), at]
             coordinates = answer.coordinates[1] @ query.stress_modes
             each = weights if self.asked["field"] == "stress" else weights / modulus
-            shape, squares = modes @ each, each**2 * modulus / volumes
-        return coordinates @ shape, float(np.sqrt(squares.sum()))
+            shapes, squares = modes * each, each**2 * modulus / volumes
+        return coordinates @ self._summed(shapes), np.sqrt(self._summed(squares))
+
+    def _summed(self, parts):
+        """Sums over the particles of each sensor, of what the last axis is along them."""
+        return np.add.reduceat(parts, self.firsts, axis=-1)
 
     def _energy(self, answer, lost):
         norm, bound = answer.norms[self.output], answer.bound[self.output]
@@ -128,12 +138,33 @@ class Question:
         strain = fields["strain"]
         field = {"velocity": fields["velocity"], "strain": strain}.get(self.asked["field"])
         field = scene.modulus() * strain if field is None else field
-        sensed = field[:, self.particles] @ self.weights
+        sensed = self._summed(field[:, self.particles] * self.weights)
+        if kind == "maximum":
+            return np.abs(sensed).max()
         if kind == "history":
-            return sensed
-        if kind == "value":
-            return sensed[self.output]
-        return np.abs(sensed).max() if kind == "maximum" else self._reached(np.abs(sensed))
+            return sensed[:, 0]
+        return sensed[self.output, 0] if kind == "value" else self._reached(np.abs(sensed[:, 0]))
+
+
+def _where(asked):
+    """Where a quantity is taken, in words."""
+    if asked.get("places") == "all":
+        return "at any particle"
+    if len(places := asked.get("places", [asked.get("place")])) > 5:
+        return f"at any of {len(places)} places"
+    return f"at x = {' or '.join(f'{place:g}' for place in places)} m"
+
+
+def _sensors(scene, asked):
+    """Particles of all sensors, their parts of the means, and where each sensor begins."""
+    places = asked.get("places", [asked.get("place")])
+    if places == "all":
+        every = np.arange(scene.particle_count)
+        return every, np.ones(every.size), every
+    found = [_sensor(scene, place, asked.get("width", 0)) for place in places]
+    particles, weights = (np.concatenate(each) for each in zip(*found, strict=True))
+    firsts = np.cumsum([0] + [len(each) for each, _ in found])[:-1]
+    return particles, weights, firsts
 
 
 def _sensor(scene, place, width):

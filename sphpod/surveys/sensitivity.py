@@ -37,7 +37,8 @@ def share_out(
 ) -> dict[str, np.ndarray]:
     """Sobol indices of all quantities that are numbers, with bootstrapped intervals.
 
-    Parameters are taken as evenly distributed over their ranges, or their logarithms over those.
+    Parameters have their distributions, or else are evenly distributed over their ranges, or their
+    logarithms over those.
 
     Returns
     -------

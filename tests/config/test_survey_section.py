@@ -8,7 +8,7 @@ from survey_cases import SCENE, SURVEY, settings
 from sphpod.config import survey_section
 from sphpod.config.config import ConfigError, load
 from sphpod.scene.scene import Scene, physical_settings
-from sphpod.surveys import answers, sensitivity, training, validation
+from sphpod.surveys import answers, responses, sensitivity, training, validation
 
 
 def refused(changed):
@@ -79,6 +79,14 @@ def test_what_a_scene_depends_on_holds_no_ranges() -> None:
         (settings(queries={"grid": {"foo": 2}}), "no such parameter; allowed are stiffness"),
         (settings(queries={"from": "no.csv"}), "it cannot be read as a table"),
         (settings(chunk_size=0), "it must be at least 1"),
+        (settings(queries={"count": 10**6}), "that makes 125000 jobs of 1000000 queries"),
+        (settings(queries={"count": 10**12}), "the answers of 1000000000000 queries take"),
+        (settings(queries={"grid": dict.fromkeys(SCENE["parameters"], 10**6)}), "queries take"),
+        (settings(training={"count": 10000}, output_interval=0.002), "training runs take 9.62 GB"),
+        (settings(sobol_samples=2**20) | {"memory": 1}, "5242880 queries of Sobol indices take"),
+        (settings(sobol_samples=1), "it must be a power of two from 2 on, or 0"),
+        (settings(sobol_samples=24), "it must be a power of two from 2 on, or 0"),
+        (settings(tolerance=2), "it must be at most 1"),
         (settings(mode_count=31), "at most the 30 particles"),
         (settings(output_interval=0.003), "a whole number of time steps"),
         (settings(quantities={"t": {"kind": "energy"}}), "this name is taken in the results"),
@@ -88,6 +96,14 @@ def test_what_a_scene_depends_on_holds_no_ranges() -> None:
         (with_quantity(kind="energy", place=1), "a quantity of kind energy has no such key"),
         (with_quantity(kind="passage", place=0), "a quantity of kind passage needs it"),
         (with_quantity(kind="value", place=0, field="density"), "velocity, strain, stress"),
+        (with_quantity(kind="maximum"), "either a place, or places"),
+        (with_quantity(kind="maximum", place=0, places=[0]), "either a place, or places"),
+        (with_quantity(kind="maximum", places=[0, 1]), "it must be at least 0 and below L = 1"),
+        (with_quantity(kind="maximum", places=[0, 0]), "no entry may stand twice"),
+        (with_quantity(kind="maximum", places=[]), "it must have at least 1 entries"),
+        (with_quantity(kind="maximum", places="each"), "it must be"),
+        (with_quantity(kind="maximum", places="all", width=0.1), "that of single particles"),
+        (with_quantity(kind="history", places=[0.1]), "a quantity of kind history"),
         (with_quantity(kind="value", place=1), "it must be at least 0 and below L = 1"),
         (with_quantity(kind="value", place=0, time=0.005), "a whole number of output intervals"),
     ],
@@ -96,6 +112,26 @@ def test_a_fault_is_one_sentence(changed, told) -> None:
     sentence = refused(changed)
     assert told in sentence
     assert "\n" not in sentence
+
+
+NUMBERS: dict[str, dict] = {
+    "training": {"count": 8, "seed": 1},
+    "queries": {"count": 16, "seed": 2},
+    "mode_count": {},
+    "tolerance": {},
+    "output_interval": {},
+    "chunk_size": {},
+    "validation": {},
+    "sobol_samples": {},
+}
+
+
+@pytest.mark.parametrize("key", NUMBERS)
+@pytest.mark.parametrize("value", ["many", [1], None, True, -1, float("nan"), float("inf"), 10**30])
+def test_no_number_of_a_survey_may_be_anything(key, value) -> None:
+    for inner in NUMBERS[key]:
+        assert f"{key}.{inner}" in refused(settings(**{key: NUMBERS[key] | {inner: value}}))
+    assert f"surveys.graded.{key} = " in refused(settings(**{key: value}))
 
 
 def test_a_scene_without_parameters_has_no_surveys() -> None:
@@ -112,6 +148,9 @@ def test_a_table_of_ones_own_needs_a_column_for_each_parameter(tmp_path) -> None
     path = tmp_path / "mine.csv"
     path.write_text("stiffness,contrast\n0.1,0.2\n")
     assert "it has no column decay" in refused(settings(queries={"from": str(path)}))
+    path.write_text("decay,stiffness,decay,contrast\n0.5,0.1,0.6,0.2\n")
+    assert "two of its columns are named decay" in refused(settings(queries={"from": str(path)}))
+    assert "there is no such file" in refused(settings(queries={"from": str(tmp_path)}))
     path.write_text("decay,stiffness,contrast\n0.5,0.1,0.2\n")
     load([], settings(queries={"from": str(path)}))
 
@@ -120,6 +159,7 @@ def test_a_table_of_ones_own_needs_a_column_for_each_parameter(tmp_path) -> None
     ("rows", "told"),
     [
         ("", "it has no rows"),
+        ("0.5,0.1,0.2,7\n", "its rows have more entries than there are names of columns"),
         ("0.5,0.1,0.2\n0.5,0.1,\n", "row 2: contrast = nan is outside its range 0 to 0.6"),
         ("0.5,inf,0.2\n", "row 1: stiffness = inf is outside its range"),
         ("0.5,0.1,0.2\n0.5,9,0.2\n", "row 2: stiffness = 9 is outside its range 0.05 to 0.2"),
@@ -139,6 +179,7 @@ def test_no_parameter_has_a_name_of_the_results(name) -> None:
 
 
 def test_all_names_of_the_results_are_taken() -> None:
-    written = {**training.MODEL_VARIABLES, **validation.VARIABLES, **sensitivity.VARIABLES}
+    written = {**training.MODEL_VARIABLES, **validation.VARIABLES, **sensitivity.VARIABLES,
+               **responses.VARIABLES}  # fmt: skip
     assert {*written, *answers.OF_QUERY} <= {*survey_section.TAKEN}
     assert {*training.RUN_VARIABLES} <= {*survey_section.TAKEN_FROM_PARAMETERS}

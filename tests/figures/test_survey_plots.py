@@ -1,14 +1,17 @@
 """Figures of surveys: drawn, and nothing in them overlaps."""
 
 import numpy as np
-from figure_checks import check_layout
+import pytest
+from figure_checks import check_layout, x_of
 
 from sphpod.figures import survey_plots
+from sphpod.surveys import samples
 
 PARAMETERS = {
-    "stiffness": {"range": [0.05, 0.2], "scale": "logarithmic"},
-    "decay": {"range": [0, 2], "scale": "linear"},
+    "stiffness": {"nominal": 0.1, "range": [0.05, 0.2], "scale": "logarithmic"},
+    "decay": {"nominal": 1, "range": [0, 2], "scale": "linear"},
 }
+MANY = PARAMETERS | {word: {"nominal": 0.5, "range": [0, 1]} for word in ("a", "b", "c", "d", "e")}
 LABELS = {"peak": "peak", "energy": "energy [J/m²]"}
 
 
@@ -25,6 +28,32 @@ def answers():
 
 def test_responses() -> None:
     check_layout(survey_plots.responses(answers(), PARAMETERS, LABELS))
+
+
+@pytest.mark.parametrize("parameters", [PARAMETERS, MANY])
+def test_sections(parameters) -> None:
+    points = samples.spread(parameters, np.tile(np.linspace(0, 1, 9)[:, None], len(parameters)))
+    found = {word: np.tile(points[:, n], len(parameters)) for n, word in enumerate(parameters)}
+    for name in LABELS:
+        values = np.where(found["decay"] == 2, np.nan, found["stiffness"] * found["decay"])
+        found |= {name: values, f"{name}_low": values - 0.01, f"{name}_high": values + 0.01}
+    figure = survey_plots.sections(found, parameters, LABELS)
+    check_layout(figure)
+    assert len(figure.axes) == 2 * len(parameters)
+    # The section of the second parameter is drawn in its panel.
+    assert x_of(figure.axes[1].lines[0]).max() == 2
+
+
+def test_surfaces() -> None:
+    grid = samples.points(PARAMETERS, {"grid": {"stiffness": 5, "decay": 4}})
+    found = {word: grid[:, n] for n, word in enumerate(PARAMETERS)}
+    found |= {"peak": grid[:, 0], "energy": grid[:, 1], "surface": np.zeros(2, np.int32)}
+    figure = survey_plots.surfaces(found, PARAMETERS, LABELS)
+    check_layout(figure)
+    peak, energy = (np.asarray(axes.collections[0].get_array()) for axes in figure.axes[:2])
+    # Stiffness runs to the right, damping upwards.
+    assert np.ptp(peak, axis=0).max() == 0
+    assert np.ptp(energy, axis=1).max() == 0
 
 
 def test_histograms() -> None:

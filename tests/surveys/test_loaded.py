@@ -14,6 +14,9 @@ QUANTITIES = {
     "stress": {"kind": "history", **PLACED, "field": "stress", "width": 0.2},
     "early": {"kind": "value", **PLACED, "field": "strain", "time": 0.5},
     "peak": {"kind": "maximum", **PLACED, "field": "strain"},
+    "anywhere": {"kind": "maximum", "field": "strain", "places": "all"},
+    "fastest": {"kind": "maximum", "field": "velocity", "places": [0.2, 0.3, 0.75], "width": 0.1},
+    "pressed": {"kind": "maximum", "field": "stress", "places": [0.3, 0.0]},
     "energy": {"kind": "energy"},
     "loss": {"kind": "energy_loss", "time": 0.5},
     "passage": {"kind": "passage", **PLACED, "level": 7e-4},
@@ -56,6 +59,23 @@ def test_values_lie_in_their_intervals(survey) -> None:
         assert not (value > high).any(), name
     assert np.isnan(found["never"].values).all()
     assert (found["certified"].values == 1).all()
+
+
+def test_a_maximum_over_places_is_the_largest_of_theirs(made) -> None:
+    physics, keys, model = made
+    each = {f"at{n}": {"kind": "maximum", "field": "strain", "place": n / 30} for n in range(30)}
+    some = {"kind": "maximum", "field": "strain", "places": [n / 30 for n in range(0, 30, 3)]}
+    asked = {**each, "anywhere": QUANTITIES["anywhere"], "some": some}
+    loaded = LoadedSurvey(
+        {"scene": "bar", "physics": physics, "survey": {**keys, "quantities": asked}}, model
+    )
+    found = loaded(stiffness=0.07)
+    for end in ("", "_low", "_high"):
+        places = np.array([float(found[f"{name}{end}"]) for name in each])
+        assert float(found[f"anywhere{end}"]) == pytest.approx(places.max(), rel=1e-12)
+        assert float(found[f"some{end}"]) == pytest.approx(places[::3].max(), rel=1e-12)
+    assert "at any particle" in found["anywhere"].attrs["long_name"]
+    assert "at any of 10 places" in found["some"].attrs["long_name"]
 
 
 def test_an_answer_does_not_depend_on_the_others(survey, made) -> None:

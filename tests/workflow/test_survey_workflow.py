@@ -2,8 +2,10 @@
 
 import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -46,7 +48,8 @@ def test_a_survey_gives_answers_tables_and_figures(surveyed) -> None:
     names = {path.name for path in (surveyed / FOLDER).iterdir()}
     names_of = "answers", "quantiles", "indices", "validation", "cost"
     tables = {f"{name}.csv" for name in names_of}
-    drawn = {f"{name}.png" for name in ("responses", "histograms", "indices", "errors", "cost")}
+    shown = "responses", "sections", "surfaces", "histograms", "indices", "errors", "cost"
+    drawn = {f"{name}.png" for name in shown}
     assert tables | drawn <= names
     answers = dataset.read(surveyed / FOLDER / "answers.nc")
     assert answers["sensor"].shape == (12, 21)
@@ -90,6 +93,39 @@ def test_a_lost_chunk_is_made_anew_alone_and_bytes_depend_on_no_chunk_size(surve
     assert len(list(chunks.iterdir())) >= 3
     for name, array in dataset.read(whole).items():
         assert array.tobytes() == values[name].tobytes() or array.dtype.kind in "OUT", name
+
+
+def test_a_killed_survey_goes_on_to_the_same_bytes(surveyed, tmp_path) -> None:
+    folder = tmp_path / "killed"
+    shutil.copytree(surveyed, folder)
+    chunks, joined = folder / FOLDER / "queries", folder / FOLDER / "answers.nc"
+    asked = "--config", "surveys={graded_bar: {chunk_size: 3}}", "--", str(FOLDER / "answers.nc")
+    shutil.rmtree(chunks)
+    joined.unlink()
+    with (folder / "log").open("w") as log:
+        run = subprocess.Popen(
+            [*SNAKEMAKE, *asked],
+            cwd=folder,
+            env=os.environ | {"PYTHONPATH": str(folder)},
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+        while not any(chunks.glob("[0-9].nc")):
+            assert run.poll() is None, (folder / "log").read_text()
+            time.sleep(0.02)
+        os.killpg(run.pid, signal.SIGKILL)
+        run.wait()
+    left = {path: path.read_bytes() for path in chunks.glob("[0-9].nc")}
+    assert not joined.exists()
+    assert snakemake(folder, "--unlock").returncode == 0
+    again = snakemake(folder, *asked)
+    assert again.returncode == 0, again.stderr
+    assert len(list(chunks.glob("[0-9].nc"))) == 4
+    assert {path: path.read_bytes() for path in left} == left
+    whole = dataset.read(surveyed / FOLDER / "answers.nc")
+    for name, array in dataset.read(joined).items():
+        assert np.array_equal(array, whole[name]), name
 
 
 def test_an_edited_table_of_queries_is_answered_anew(surveyed) -> None:

@@ -524,7 +524,7 @@ def test_benchmarks_is_in_tables(benchmarked):
     )
     skipping = pd.read_csv(results / "skipping.csv")
     assert (skipping.skipping_seconds > 0).all()
-    assert skipping.skipped.nunique() == 8
+    assert skipping.skipped.nunique() == 11
 
 
 def test_only_measurements_whose_code_changed_are_made_anew(benchmarked):

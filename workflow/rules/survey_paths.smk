@@ -71,6 +71,8 @@ SURVEY_TABLES = {
 }
 SURVEY_FIGURES = {
     "responses": "answers",
+    "sections": "sections",
+    "surfaces": "surfaces",
     "histograms": "answers",
     "indices": "indices",
     "errors": "validation",
@@ -107,6 +109,8 @@ def survey_options(wildcards):
     }
     asked = {
         "responses": ("parameters", "quantities"),
+        "sections": ("parameters", "quantities"),
+        "surfaces": ("parameters", "quantities"),
         "histograms": ("quantities",),
         "errors": ("tolerance",),
     }
@@ -117,7 +121,9 @@ def survey_files(survey):
     """All that a survey gives."""
     drawn, tables = [], ["answers", "quantiles"]
     if survey_numbers(survey):
-        drawn += ["responses", "histograms"]
+        drawn += ["responses", "sections", "histograms"]
+    if survey_numbers(survey) and len(SCENES[SURVEYS[survey]["scene"]]["parameters"]) > 1:
+        drawn += ["surfaces"]
     if survey_numbers(survey) and SURVEYS[survey]["sobol_samples"]:
         drawn, tables = [*drawn, "indices"], [*tables, "indices"]
     if SURVEYS[survey]["validation"]:

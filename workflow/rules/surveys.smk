@@ -111,6 +111,37 @@ rule survey_cost:
         "../scripts/survey.py"
 
 
+rule survey_sections:
+    input:
+        model=f"{SURVEY}/model.nc",
+    output:
+        f"{SURVEY}/sections.nc",
+    log:
+        "<logs>/surveys/{survey}/sections.log",
+    params:
+        **of_survey("sections", ANSWERED_BY),
+    message:
+        "Survey {wildcards.survey}: quantities along each parameter"
+    script:
+        "../scripts/survey.py"
+
+
+rule survey_surfaces:
+    input:
+        model=f"{SURVEY}/model.nc",
+        sections=f"{SURVEY}/sections.nc",
+    output:
+        f"{SURVEY}/surfaces.nc",
+    log:
+        "<logs>/surveys/{survey}/surfaces.log",
+    params:
+        **of_survey("surfaces", ANSWERED_BY),
+    message:
+        "Survey {wildcards.survey}: quantities over two parameters"
+    script:
+        "../scripts/survey.py"
+
+
 rule survey_table:
     input:
         lambda wildcards: f"{SURVEY}/{SURVEY_TABLES[wildcards.table]}".format(**wildcards),

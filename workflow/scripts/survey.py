@@ -13,8 +13,9 @@ if __name__ == "__main__":
         from sphpod.numerics import timing
 
         settings["machine"] = timing.machine()
+    # Of many files one is held at a time.
     inputs = {
-        name: dataset.read(files) if isinstance(files, str) else list(map(dataset.read, files))
+        name: dataset.read(files) if isinstance(files, str) else map(dataset.read, files)
         for name, files in snakemake.input.items()
     }
     function = study.function(f"surveys.jobs.{params.compute}")

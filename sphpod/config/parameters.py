@@ -1,0 +1,150 @@
+"""Parameters of a scene: their ranges and distributions, checked before any job."""
+
+import ast
+import difflib
+import time
+import warnings
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from sphpod.config.reading import ConfigError, refusal
+from sphpod.config.scene_section import Parameter
+from sphpod.numerics.expressions import reads
+from sphpod.scene import checks
+from sphpod.scene.scene import PROFILES
+from sphpod.surveys import distributions, samples
+
+CHECKED = 64
+"""Points within the ranges at which the scene is checked, beside their corners."""
+
+LEAST_PROBABILITY = 1e-6
+"""What the range of a parameter holds of its distribution at least."""
+
+LONGEST = 0.5
+"""Seconds that a few values of a distribution may take."""
+
+
+def resolved_parameters(name: str, settings: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """Parameters of a scene with their defaults, each with a range.
+
+    Raises
+    ------
+    ConfigError
+        A range or a distribution is none, the scene is none somewhere in the ranges, or nothing
+        holds a parameter.
+    """
+    parameters = {
+        word: Parameter.default_keys() | _ranged(name, f"parameters.{word}", given)
+        for word, given in settings["parameters"].items()
+    }
+    used = {word for text in _expressions(settings) for word in _names(text)}
+    for word, given in parameters.items():
+        key, (low, high) = f"parameters.{word}", given["range"]
+        if given["scale"] == "logarithmic" and low <= 0:
+            allowed = "it must be positive where the scale is logarithmic"
+            raise refusal(name, f"{key}.range", given["range"], allowed)
+        if not low <= given["nominal"] <= high:
+            allowed = f"it must lie in the range {checks.number(low)} to {checks.number(high)}"
+            raise refusal(name, f"{key}.nominal", given["nominal"], allowed)
+        if word not in used:
+            allowed = f"no expression of the scene holds it; it may stand in {', '.join(PROFILES)}"
+            raise refusal(name, key, given, allowed)
+    _check_within(name, settings, parameters)
+    return parameters
+
+
+def _ranged(scene, key, given):
+    """A parameter with a range, which that of a distribution of bounded support is if left out."""
+    low, high = given.get("range", (0, 1))
+    if not low < high:
+        raise refusal(scene, f"{key}.range", given["range"], "it must rise")
+    if "distribution" not in given:
+        if "range" not in given:
+            allowed = "it must be given (least and largest value of a survey, in SI units)"
+            raise refusal(scene, f"{key}.range", "(missing)", allowed)
+        return given
+    if "scale" in given:
+        allowed = "a distribution says itself how values are spread"
+        raise refusal(scene, f"{key}.scale", given["scale"], allowed)
+    with warnings.catch_warnings(), np.errstate(all="ignore"):
+        warnings.simplefilter("ignore")
+        try:
+            return _distributed(scene, key, given)
+        except ConfigError:
+            raise
+        except Exception as error:  # whatever scipy makes of strange parameters
+            reason = " ".join(str(error).split()).rstrip(".")
+            allowed = f"its values cannot be found ({reason})"
+            raise refusal(scene, f"{key}.distribution", given["distribution"], allowed) from None
+
+
+def _distributed(scene, key, given):
+    ((word, values),) = given["distribution"].items()
+    if word not in (known := distributions.names()):
+        near = difflib.get_close_matches(word, known, n=1)
+        meant = f", did you mean {near[0]}?" if near else ""
+        allowed = f"no continuous distribution of scipy.stats that surveys know{meant}"
+        raise refusal(scene, f"{key}.distribution", word, allowed)
+    key_of, (needed, optional) = f"{key}.distribution.{word}", distributions.keys(word)
+    for one in values:
+        if one not in (*needed, *optional):
+            allowed = f"unknown key; allowed are {', '.join([*needed, *optional])}"
+            raise refusal(scene, f"{key_of}.{one}", values[one], allowed)
+    for one in needed:
+        if one not in values:
+            allowed = f"it must be given, as a parameter of the distribution {word}"
+            raise refusal(scene, f"{key_of}.{one}", "(missing)", allowed)
+    least, largest = map(float, distributions.frozen(given["distribution"]).support())
+    if not least < largest:
+        raise refusal(scene, key_of, values, "the distribution does not have such parameters")
+    support = f"the support of the distribution, {checks.number(least)} to {checks.number(largest)}"
+    if "range" not in given:
+        if not np.isfinite([least, largest]).all():
+            allowed = f"it must be given, as {support}, has no ends"
+            raise refusal(scene, f"{key}.range", "(missing)", allowed)
+        given = given | {"range": [least, largest]}
+    low, high = given["range"]
+    slack = 1e-9 * (high - low)
+    if not (least - slack <= low and high <= largest + slack):
+        raise refusal(scene, f"{key}.range", given["range"], f"it must lie in {support}")
+    if not (share := distributions.held(given)) >= LEAST_PROBABILITY:
+        allowed = (
+            f"the distribution has a probability of {share:.3g} in it; at least "
+            f"{LEAST_PROBABILITY:g} is needed"
+        )
+        raise refusal(scene, f"{key}.range", given["range"], allowed)
+    started = time.process_time()
+    for share in np.linspace(0, 1, 9):
+        if not np.isfinite(distributions.spread(given, np.array([share]))).all():
+            raise refusal(scene, key_of, values, "the distribution has no finite quantiles")
+        if time.process_time() - started > LONGEST:
+            allowed = "its values take longer to find than queries to answer"
+            raise refusal(scene, key_of, values, allowed)
+    return given
+
+
+def _check_within(name: str, settings: Mapping[str, Any], parameters: samples.Ranges) -> None:
+    """Refuse ranges in which the scene is none."""
+    inner = samples.points(parameters, {"count": CHECKED, "sampling": "halton"})
+    for values in np.concatenate([samples.corners(parameters), inner]):
+        point = dict(zip(parameters, map(float, values), strict=True))
+        try:
+            checks.check_setting(samples.scene_at(name, settings, point))
+        except ValueError as error:
+            told = str(error).removeprefix(f"scene {name}: ")
+            where = ", ".join(f"{word} = {value:g}" for word, value in point.items())
+            ranges = {word: given["range"] for word, given in parameters.items()}
+            raise refusal(name, "parameters", ranges, f"at {where}, {told}") from None
+
+
+def _expressions(settings: Mapping[str, Any]) -> Iterator[str]:
+    for key in PROFILES:
+        given = settings.get(key, ())
+        for term in given if isinstance(given, list) else [given]:
+            yield from map(str, term.values() if isinstance(term, Mapping) else [term])
+
+
+def _names(text):
+    return reads(ast.parse(text.strip()))

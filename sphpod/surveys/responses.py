@@ -1,0 +1,90 @@
+"""Responses of quantities along one parameter, and over two, the others being nominal."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from sphpod.pipeline.dataset import Variable
+from sphpod.surveys import samples
+from sphpod.surveys.answers import answer_all, of_settings
+
+ALONG = 41
+"""Values of a parameter along which quantities are given."""
+
+ACROSS = 15
+"""Values of each of two parameters over which they are."""
+
+VARIABLES = {
+    "surface": Variable(
+        ("quantity_index",), "1", "block of queries that the surface of a quantity is", np.int32
+    ),
+}
+
+
+def sections(
+    name: str,
+    settings: Mapping[str, Any],
+    survey: Mapping[str, Any],
+    model: Mapping[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """Quantities that are numbers, along each parameter from end to end of its range.
+
+    Returns
+    -------
+    dict
+        As from `answers.answer_all`, of ``ALONG`` queries for each parameter in turn.
+    """
+    ranges = settings["parameters"]
+    points = [_points(ranges, {word: ALONG}) for word in ranges]
+    return _answered(name, settings, survey, model, np.concatenate(points))
+
+
+def surfaces(
+    name: str,
+    settings: Mapping[str, Any],
+    survey: Mapping[str, Any],
+    model: Mapping[str, np.ndarray],
+    sections: Mapping[str, np.ndarray],
+) -> dict[str, np.ndarray]:
+    """The same over the two parameters along which a quantity changes most.
+
+    Returns
+    -------
+    dict
+        As from `answers.answer_all`, of blocks of ``ACROSS``² queries; quantity, and surface, the
+        block of each, (quantities,).
+    """
+    ranges, words = settings["parameters"], list(settings["parameters"])
+    scalars = [word for word in survey["quantities"] if word in sections]
+    pairs = [_strongest(sections[word].reshape(len(ranges), ALONG)) for word in scalars]
+    blocks = list(dict.fromkeys(pairs))
+    points = [_points(ranges, {words[n]: ACROSS for n in pair}) for pair in blocks]
+    return _answered(name, settings, survey, model, np.concatenate(points)) | {
+        "quantity": np.array(scalars, object),
+        "surface": np.array([blocks.index(pair) for pair in pairs], np.int32),
+    }
+
+
+def _points(ranges, counts):
+    """A grid from end to end of some ranges, in even steps however likely these are."""
+    even = {
+        word: {key: value for key, value in given.items() if key != "distribution"}
+        for word, given in ranges.items()
+    }
+    return samples.points(even, {"grid": counts})
+
+
+def _answered(name, settings, survey, model, points):
+    reduced, asked = of_settings(name, settings, survey, model)
+    scalars = {word: question for word, question in asked.items() if not question.is_curve}
+    return answer_all(reduced, scalars, points, survey["tolerance"])
+
+
+def _strongest(sections):
+    """Numbers of the two parameters along which the values (parameters, ALONG) differ most."""
+    known = np.isfinite(sections)
+    high = np.where(known, sections, -np.inf).max(axis=1)
+    low = np.where(known, sections, np.inf).min(axis=1)
+    first, second = np.argsort(-np.where(high > low, high - low, 0), kind="stable")[:2]
+    return min(first, second), max(first, second)
