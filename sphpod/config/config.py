@@ -37,6 +37,7 @@ from sphpod.config.scene_section import (
 )
 from sphpod.config.sizes import check_sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
+from sphpod.config.start_section import check_start, own_start
 from sphpod.config.survey_section import resolved_surveys
 from sphpod.config.varied import check_pairs, check_variants
 from sphpod.numerics.error import FIELDS
@@ -117,7 +118,7 @@ def _spread_defaults(settings):
         for name, scene in known.items():
             if isinstance(scene, dict):
                 given = plain(defaults) | scene if isinstance(defaults, dict) else scene
-                known[name] = spread_chain(str(name), given)
+                known[name] = spread_chain(str(name), own_start(scene, given))
 
 
 def check_modes(
@@ -197,6 +198,7 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
     }
     if scene.get("boundary") == "periodic":
         del scene["boundary"]
+    check_start(name, scene)
     for key, largest in LARGEST_COUNTS.items():
         if scene[key] > scene["duration"]:
             most = f"it must be at most T = {checks.number(scene['duration'])}"
@@ -212,6 +214,8 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
         by_default = "error_interval" not in settings and "error_interval =" in str(error)
         hint = " (this is the default T/10000; another can be set)" if by_default else ""
         raise ConfigError(f"{error}{hint}") from error
+    if physics.start:
+        scene["start"] = {**scene["start"], "checksum": physics.start.checksum}
     scene["references"] = _references(name, scene, physics)
     scene["samplings"] = {
         sampling: _resolved_sampling(name, sampling, scene, physics)
@@ -219,10 +223,9 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
     }
     for sampling, study in scene["acceleration"].items():
         key = f"acceleration.{sampling}"
-        if not physics.is_even:
-            raise refusal(
-                name, key, study, "CPU times are compared for evenly spaced particles only"
-            )
+        if not physics.is_even or physics.start:
+            alike = "evenly spaced particles that start unstrained"
+            raise refusal(name, key, study, f"CPU times are compared for {alike} only")
         if sampling not in scene["samplings"]:
             raise refusal(name, key, study, known_names("sampling", scene["samplings"]))
         if not snapshots.is_of_run(scene["samplings"][sampling]):
@@ -247,7 +250,7 @@ def _references(name: str, settings: dict[str, Any], physics: scenes.Scene) -> l
     if asked is None:
         return ["centred" if kind is None else "exact"]
     possible = ["fd", "centred"]
-    possible += ["chain"] if physics.is_even else []
+    possible += ["chain"] if physics.is_even and not physics.start else []
     possible += ["exact"] if kind else []
     possible += ["modified"] if kind == "dalembert" else []
     for reference in asked:
@@ -431,6 +434,9 @@ def _check_benchmark(config: dict[str, Any]) -> None:
         raise refusal(
             None, "benchmark.step_scene", step_scene, f"no such scene; allowed are {known}"
         )
+    if "start" in scenes[step_scene]:
+        allowed = "it must be a scene without start, as its particles are varied"
+        raise refusal(None, "benchmark.step_scene", step_scene, allowed)
     particles, most = scenes[step_scene]["particle_count"], max(benchmark["mode_counts"])
     if most >= particles:
         raise refusal(

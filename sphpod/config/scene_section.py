@@ -17,6 +17,7 @@ from sphpod.config.fields import (
     Unique,
     left_out,
 )
+from sphpod.config.start_section import Start
 
 ERROR_SAMPLES = 10000
 """Intervals over which errors are summed, where a scene says nothing else."""
@@ -300,8 +301,12 @@ class Scene(Section):
         "or free; default periodic"
     )
     duration: float = Field(gt=0, description="simulated time T [s], a whole number of time steps")
-    initial_velocity: Expression = Field(
-        description="v0(x) [m/s], a number or an expression in x, L and T"
+    initial_velocity: Expression = left_out(
+        description="v0(x) [m/s], a number or an expression in x, L and T; required, or a start"
+    )
+    start: Start = left_out(
+        description="a state that a file of a run holds, in the place of "
+        "initial_velocity; its time is t = 0 of the scene"
     )
     initial_density: Expression = Field(
         description="rho0(x) [kg/m3], positive, a number or an expression in x, L and T"

@@ -153,6 +153,8 @@ def _check_ends(scene, refuse):
         return
     if not scene.is_even:
         refuse("boundary", scene.ends, "a bar with ends has evenly spaced particles only")
+    if scene.start:
+        return  # What it has at the ends has been looked at where it was read.
     velocity = scene.initial_velocity.expression
     x = scene.positions[: scene.bar_count]
     walls = zip(

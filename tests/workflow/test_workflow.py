@@ -753,7 +753,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
         (["--", "small/figures/nothing.pdf"], "figure = nothing: allowed are "),
         (
             ["--", "small/results/damped_forced/growth.nc"],
-            "scene = damped_forced: this needs one without damping and force",
+            "scene = damped_forced: this needs one without damping, force and start",
         ),
         (
             ["--", "small/results/waves/uniform10/long_run/k11.nc"],
