@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from sphpod.config import refusals
+from sphpod.config.borrowed import borrow
 from sphpod.config.boundary import check_ends
 from sphpod.config.chain_section import spread_chain
 from sphpod.config.configuration import (
@@ -27,7 +28,7 @@ from sphpod.config.configuration import (
 )
 from sphpod.config.fields import SETTINGS, Name
 from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usual_sweep
-from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal, shown
+from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
 from sphpod.config.scene_section import (
     FIGURES,
     AnySampling,
@@ -99,7 +100,7 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
         },
     }
     for name in resolved["scenes"]:
-        _borrow(name, resolved["scenes"])
+        borrow(name, resolved["scenes"])
     resolved["surveys"] = resolved_surveys(settings.get("surveys", {}), resolved["scenes"])
     resolved["stability"] = resolved_stability(
         settings.get("stability", {}), resolved["scenes"], memory
@@ -325,50 +326,6 @@ def _resolved_sampling(
     modes = str(settings.get("mode_counts", usual_sweep(scene, sampling)))
     check_count(name, sampling, scene, f"{key}.mode_counts", modes)
     return {**settings, "mode_counts": modes}
-
-
-def _borrow(name: str, known: dict[str, Any]) -> None:
-    """Complete the samplings of a scene whose modes are those of others' snapshots."""
-    scene = known[name]
-    for sampling, settings in scene["samplings"].items():
-        if "modes" not in settings:
-            continue
-        key, sources = f"samplings.{sampling}", settings["modes"]["from"]
-        counts = np.array([_lent(name, f"{key}.modes.from", one, known) for one in sources])
-        settings["counts"] = counts.sum(axis=0).tolist()
-        modes = str(settings.get("mode_counts", usual_sweep(scene, sampling)))
-        check_count(name, sampling, scene, f"{key}.mode_counts", modes)
-        settings["mode_counts"] = modes
-
-
-def _lent(name: str, key: str, source: str, known: dict[str, Any]) -> list[int]:
-    """Numbers of velocity and density snapshots of a sampling that lends them to a scene."""
-    lender, _, sampling = source.partition("/")
-    lendable = [
-        f"{one}/{taken}"
-        for one, scene in known.items()
-        for taken, settings in scene["samplings"].items()
-        if "modes" not in settings
-    ]
-    if source not in lendable:
-        allowed = f"allowed are {', '.join(lendable)}" if lendable else "there is none"
-        raise refusal(name, key, source, f"no such sampling with snapshots of its own; {allowed}")
-    alike = ["domain_length", "particle_count", "positions", "boundary"]
-    if "free" in known[name].get("boundary", ()):
-        alike += ["initial_density"]  # That of strains at images, which are odd.
-    for same in alike:
-        own, other = known[name].get(same), known[lender].get(same)
-        if own != other:
-            unsaid = {"positions": "evenly spaced", "boundary": "periodic"}
-            theirs = unsaid[same] if other is None else shown(other)
-            allowed = f"modes are of the same particles only, and {same} of {lender} is {theirs}"
-            raise refusal(name, key, source, allowed)
-    settings = known[lender]["samplings"][sampling]
-    if "counts" in settings:
-        return settings["counts"]
-    if "count" in settings:
-        return [settings["count"]] * 2
-    return [len(settings[f"{field}_times"]) for field in FIELDS]
 
 
 def _default_figures(scene: dict[str, Any], physics: scenes.Scene) -> Iterator[dict[str, Any]]:

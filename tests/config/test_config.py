@@ -749,46 +749,6 @@ def test_variants_that_cannot_run_are_refused(load, runs, answer):
     assert "\n" not in str(caught.value)
 
 
-# -------------------------------------------------------------------------- borrowed modes
-
-
-def borrowing(*sources, **changes):
-    other = WAVE | {"initial_velocity": "1e-3*sin(4*pi*x/L)", "samplings": {}} | changes
-    return {
-        "scenes": {
-            "wave": WAVE,
-            "other": other | {"samplings": {"lent": {"modes": {"from": list(sources)}}}},
-        }
-    }
-
-
-def test_borrowed_modes_are_as_many_as_the_snapshots_of_all_their_samplings(load):
-    few = load(borrowing("wave/few"))["scenes"]
-    both = load(borrowing("wave/few", "wave/uniform10"))["scenes"]["other"]["samplings"]["lent"]
-    own = few["wave"]["samplings"]
-    assert few["other"]["samplings"]["lent"]["mode_counts"] == own["few"]["mode_counts"]
-    assert both["counts"] == [2 + 10, 3 + 10]
-
-
-@pytest.mark.parametrize(
-    ("sources", "changes", "answer"),
-    [
-        (["wave/fw"], {}, "other: samplings.lent.modes.from = wave/fw: no such sampling with"),
-        (["other/lent"], {}, "no such sampling with snapshots of its own; allowed are wave/"),
-        (["wave"], {}, "modes.from = wave: no such sampling with snapshots of its own"),
-        (["wave/few"], {"particle_count": 50}, "particle_count of wave is"),
-        (["wave/few"], {"domain_length": 2}, "domain_length of wave is 1"),
-        (["wave/few"], {"positions": {"jitter": 0.1}}, "positions of wave is evenly spaced"),
-        ([], {}, "samplings.lent.modes.from = []: it must have at least 1"),
-    ],
-)
-def test_modes_that_cannot_be_borrowed_are_refused(load, sources, changes, answer):
-    with pytest.raises(config.ConfigError) as caught:
-        load(borrowing(*sources, **changes))
-    assert answer in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
 # ------------------------------------------------------------------------------- stability
 
 
