@@ -283,7 +283,9 @@ class Expression:
             if not refusal:
                 self._function = _compiled(tree, variables, self.constants)
         except SyntaxError:
-            refusal = "it is not an expression"
+            left = self.text.count("(") - self.text.count(")")
+            brackets = {0: "", 1: ", as a bracket stays open", -1: ", as a bracket is not opened"}
+            refusal = f"it is not an expression{brackets[int(np.sign(left))]}"
         except (ValueError, MemoryError, RecursionError):
             refusal = "it is too long, or nested too deeply"
         if "\0" in self.text:
