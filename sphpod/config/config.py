@@ -82,6 +82,7 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     except ValidationError as error:
         raise refusals.of_models(error, settings, refusals.written_out(schema())) from None
     settings.pop("defaults", None)
+    _check_output(settings.get("output", ""))
     memory = settings.get("memory", Configuration.default_keys()["memory"])
     of_studies = settings.get("studies", {})
     resolved = {
@@ -110,6 +111,15 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     check_variants(resolved)
     check_pairs(resolved)
     return resolved
+
+
+def _check_output(output):
+    """Refuse a folder that is a file, or could only be made in one."""
+    for folder in (Path(output, part) for part in ("results/logs", "figures")):
+        for above in (folder, *folder.parents):
+            if above.exists() and not above.is_dir():
+                allowed = f"{above} is a file; it must be a folder, or nothing yet"
+                raise refusal(None, "output", output, allowed)
 
 
 def _spread_defaults(settings):

@@ -32,7 +32,8 @@ class ConfigError(ValueError):
 
 def refusal(scene: str | None, key: str, value: Any, allowed: str) -> ConfigError:
     """The error that names scene (if it lies in one), key, value and what is allowed."""
-    return ConfigError(f"{f'scene {scene}: ' if scene else ''}{key} = {shown(value)}: {allowed}")
+    where = f"scene {shown(scene)}: " if scene else ""
+    return ConfigError(f"{where}{shown(key)} = {shown(value)}: {allowed}")
 
 
 def shown(value: Any) -> str:

@@ -23,6 +23,10 @@ ERROR_SAMPLES = 10000
 """Intervals over which errors are summed, where a scene says nothing else."""
 
 
+MOST_FORCES = 100
+"""Terms of a force, each of which is followed by itself."""
+
+
 class Force(Section):
     """A term of a force: a course in time times a profile in space."""
 
@@ -331,7 +335,9 @@ class Scene(Section):
     force: Annotated[
         Annotated[Expression, Tag("<scalar>")]
         | Annotated[Force, Tag("<mapping>")]
-        | Annotated[Annotated[list[ForceTerm], Field(min_length=1)], Tag("<list>")],
+        | Annotated[
+            Annotated[list[ForceTerm], Field(min_length=1, max_length=MOST_FORCES)], Tag("<list>")
+        ],
         BY_SHAPE,
     ] = left_out(
         description="external force per mass [m/s2], an expression in x, t, L and T, or time (in "
