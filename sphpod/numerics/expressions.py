@@ -285,7 +285,7 @@ class Expression:
             if not refusal:
                 self._function = _compiled(tree, variables, self.constants)
         except SyntaxError:
-            left = self.text.count("(") - self.text.count(")")
+            unpaired = self.text.count("(") - self.text.count(")")
             brackets = {0: "", 1: ", as a bracket stays open", -1: ", as a bracket is not opened"}
             refusal = f"it is not an expression{brackets[int(np.sign(unpaired))]}"
         except (ValueError, MemoryError, RecursionError):
