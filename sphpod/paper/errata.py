@@ -6,7 +6,6 @@ from pathlib import Path
 
 from sphpod.pipeline.dataset import whole
 
-
 ERRATUM = re.compile(r"^(\d+)\. \*(.+?)\*(?: \((\w+)\))?\.?(.+?)(?=^\d+\. |\Z)", re.M | re.S)
 """Number, *place and statement*, claim, if there is one, and finding."""
 
@@ -17,8 +16,8 @@ def rows(page: str) -> list[dict[str, str]]:
     Returns
     -------
     list of dict
-        Of each its number (``erratum``), its ``place`` in the paper, what is ``said`` there, what is
-        ``right``, the ``evidence``, and the ``claim`` that is judged by it, empty if there is none.
+        Of each its number (``erratum``), its ``place`` in the paper, what is ``said`` there and what
+        is ``right``, the ``evidence``, and the ``claim`` that is judged by it, if there is one.
     """
     section = page.split("\n## Errata\n", 1)[1]
     section = re.split(r"^#+ ", section, maxsplit=1, flags=re.M)[0]
