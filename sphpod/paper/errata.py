@@ -16,8 +16,8 @@ def rows(page: str) -> list[dict[str, str]]:
     Returns
     -------
     list of dict
-        Of each its number (``erratum``), its ``place`` in the paper, what is ``said`` there and what
-        is ``right``, the ``evidence``, and the ``claim`` that is judged by it, if there is one.
+        Of each its number (``erratum``), its ``place`` in the paper, what is ``said`` there and
+        what is ``right``, the ``evidence``, and the ``claim`` that is judged by it, if any.
     """
     section = page.split("\n## Errata\n", 1)[1]
     section = re.split(r"^#+ ", section, maxsplit=1, flags=re.M)[0]
