@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from sphpod.config.reading import refusal
+from sphpod.numerics.expressions import LONGEST_SUM
 
 INSTEAD = {"masses": "initial_density", "springs": "youngs_modulus"}
 """Keys, and those that they stand for."""
@@ -35,6 +36,9 @@ def spread_chain(name: str, scene: Mapping[str, Any]) -> dict[str, Any]:
         if instead in scene:
             allowed = f"{key} stand in the place of {instead}; one of both is allowed"
             raise refusal(name, instead, scene[instead], allowed)
+        if isinstance(value, list) and len(value) > LONGEST_SUM:
+            allowed = f"a chain has at most {LONGEST_SUM} of them, and these are {len(value)}"
+            raise refusal(name, key, value[:3], allowed)
         if not isinstance(value, list):
             raise refusal(name, key, value, "it must be a list of positive numbers")
         for number, one in enumerate(value):

@@ -15,6 +15,7 @@ import numpy as np
 from pydantic import TypeAdapter, ValidationError
 
 from sphpod.config import refusals
+from sphpod.config.borrowed import borrow
 from sphpod.config.boundary import check_ends
 from sphpod.config.chain_section import spread_chain
 from sphpod.config.configuration import (
@@ -27,7 +28,7 @@ from sphpod.config.configuration import (
 )
 from sphpod.config.fields import SETTINGS, Name
 from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usual_sweep
-from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal, shown
+from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
 from sphpod.config.scene_section import (
     FIGURES,
     AnySampling,
@@ -37,6 +38,7 @@ from sphpod.config.scene_section import (
 )
 from sphpod.config.sizes import check_sizes, sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
+from sphpod.config.start_section import check_start, own_start
 from sphpod.config.survey_section import resolved_surveys
 from sphpod.config.varied import check_pairs, check_variants
 from sphpod.numerics.error import FIELDS
@@ -80,6 +82,7 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     except ValidationError as error:
         raise refusals.of_models(error, settings, refusals.written_out(schema())) from None
     settings.pop("defaults", None)
+    _check_output(settings.get("output", ""))
     memory = settings.get("memory", Configuration.default_keys()["memory"])
     of_studies = settings.get("studies", {})
     resolved = {
@@ -98,7 +101,7 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
         },
     }
     for name in resolved["scenes"]:
-        _borrow(name, resolved["scenes"])
+        borrow(name, resolved["scenes"])
     resolved["surveys"] = resolved_surveys(settings.get("surveys", {}), resolved["scenes"], memory)
     resolved["stability"] = resolved_stability(
         settings.get("stability", {}), resolved["scenes"], memory
@@ -110,6 +113,15 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     return resolved
 
 
+def _check_output(output):
+    """Refuse a folder that is a file, or could only be made in one."""
+    for folder in (Path(output, part) for part in ("results/logs", "figures")):
+        for above in (folder, *folder.parents):
+            if above.exists() and not above.is_dir():
+                allowed = f"{above} is a file; it must be a folder, or nothing yet"
+                raise refusal(None, "output", output, allowed)
+
+
 def _spread_defaults(settings):
     """Give scenes the keys of ``defaults`` that they do not have, and chains their material."""
     defaults, known = settings.get("defaults"), settings.get("scenes")
@@ -117,7 +129,7 @@ def _spread_defaults(settings):
         for name, scene in known.items():
             if isinstance(scene, dict):
                 given = plain(defaults) | scene if isinstance(defaults, dict) else scene
-                known[name] = spread_chain(str(name), given)
+                known[name] = spread_chain(str(name), own_start(scene, given))
 
 
 def check_modes(
@@ -197,6 +209,7 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
     }
     if scene.get("boundary") == "periodic":
         del scene["boundary"]
+    check_start(name, scene)
     for key, largest in LARGEST_COUNTS.items():
         if scene[key] > scene["duration"]:
             most = f"it must be at most T = {checks.number(scene['duration'])}"
@@ -212,6 +225,8 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
         by_default = "error_interval" not in settings and "error_interval =" in str(error)
         hint = " (this is the default T/10000; another can be set)" if by_default else ""
         raise ConfigError(f"{error}{hint}") from error
+    if physics.start:
+        scene["start"] = {**scene["start"], "checksum": physics.start.checksum}
     scene["references"] = _references(name, scene, physics)
     scene["samplings"] = {
         sampling: _resolved_sampling(name, sampling, scene, physics)
@@ -219,10 +234,9 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
     }
     for sampling, study in scene["acceleration"].items():
         key = f"acceleration.{sampling}"
-        if not physics.is_even:
-            raise refusal(
-                name, key, study, "CPU times are compared for evenly spaced particles only"
-            )
+        if not physics.is_even or physics.start:
+            alike = "evenly spaced particles that start unstrained"
+            raise refusal(name, key, study, f"CPU times are compared for {alike} only")
         if sampling not in scene["samplings"]:
             raise refusal(name, key, study, known_names("sampling", scene["samplings"]))
         if not snapshots.is_of_run(scene["samplings"][sampling]):
@@ -247,7 +261,7 @@ def _references(name: str, settings: dict[str, Any], physics: scenes.Scene) -> l
     if asked is None:
         return ["centred" if kind is None else "exact"]
     possible = ["fd", "centred"]
-    possible += ["chain"] if physics.is_even else []
+    possible += ["chain"] if physics.is_even and not physics.start else []
     possible += ["exact"] if kind else []
     possible += ["modified"] if kind == "dalembert" else []
     for reference in asked:
@@ -324,50 +338,6 @@ def _resolved_sampling(
     return {**settings, "mode_counts": modes}
 
 
-def _borrow(name: str, known: dict[str, Any]) -> None:
-    """Complete the samplings of a scene whose modes are those of others' snapshots."""
-    scene = known[name]
-    for sampling, settings in scene["samplings"].items():
-        if "modes" not in settings:
-            continue
-        key, sources = f"samplings.{sampling}", settings["modes"]["from"]
-        counts = np.array([_lent(name, f"{key}.modes.from", one, known) for one in sources])
-        settings["counts"] = counts.sum(axis=0).tolist()
-        modes = str(settings.get("mode_counts", usual_sweep(scene, sampling)))
-        check_count(name, sampling, scene, f"{key}.mode_counts", modes)
-        settings["mode_counts"] = modes
-
-
-def _lent(name: str, key: str, source: str, known: dict[str, Any]) -> list[int]:
-    """Numbers of velocity and density snapshots of a sampling that lends them to a scene."""
-    lender, _, sampling = source.partition("/")
-    lendable = [
-        f"{one}/{taken}"
-        for one, scene in known.items()
-        for taken, settings in scene["samplings"].items()
-        if "modes" not in settings
-    ]
-    if source not in lendable:
-        allowed = f"allowed are {', '.join(lendable)}" if lendable else "there is none"
-        raise refusal(name, key, source, f"no such sampling with snapshots of its own; {allowed}")
-    alike = ["domain_length", "particle_count", "positions", "boundary"]
-    if "free" in known[name].get("boundary", ()):
-        alike += ["initial_density"]  # That of strains at images, which are odd.
-    for same in alike:
-        own, other = known[name].get(same), known[lender].get(same)
-        if own != other:
-            unsaid = {"positions": "evenly spaced", "boundary": "periodic"}
-            theirs = unsaid[same] if other is None else shown(other)
-            allowed = f"modes are of the same particles only, and {same} of {lender} is {theirs}"
-            raise refusal(name, key, source, allowed)
-    settings = known[lender]["samplings"][sampling]
-    if "counts" in settings:
-        return settings["counts"]
-    if "count" in settings:
-        return [settings["count"]] * 2
-    return [len(settings[f"{field}_times"]) for field in FIELDS]
-
-
 def _default_figures(scene: dict[str, Any], physics: scenes.Scene) -> Iterator[dict[str, Any]]:
     yield {"kind": "profile"}
     for sampling in scene["samplings"]:
@@ -431,6 +401,9 @@ def _check_benchmark(config: dict[str, Any]) -> None:
         raise refusal(
             None, "benchmark.step_scene", step_scene, f"no such scene; allowed are {known}"
         )
+    if "start" in scenes[step_scene]:
+        allowed = "it must be a scene without start, as its particles are varied"
+        raise refusal(None, "benchmark.step_scene", step_scene, allowed)
     particles, most = scenes[step_scene]["particle_count"], max(benchmark["mode_counts"])
     if most >= particles:
         raise refusal(

@@ -19,7 +19,7 @@ def make_scene(name: str = "scene", **settings: Any) -> Scene:
     name : str
         How messages name it: lower-case letters, digits and underscores.
     **settings
-        domain_length [m], duration [s], initial_velocity [m/s], initial_density [kg/m³],
+        domain_length [m], duration [s], initial_velocity [m/s] or start, initial_density [kg/m³],
         youngs_modulus [Pa], particle_count, smoothing_ratio and time_step [s]; and, where the scene
         has them, boundary, damping [1/s], force [m/s²], interface, positions and error_interval
         [s]. Profiles are numbers or expressions in x (a force: in t) as text;

@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Any
 
@@ -31,7 +32,8 @@ class ConfigError(ValueError):
 
 def refusal(scene: str | None, key: str, value: Any, allowed: str) -> ConfigError:
     """The error that names scene (if it lies in one), key, value and what is allowed."""
-    return ConfigError(f"{f'scene {scene}: ' if scene else ''}{key} = {shown(value)}: {allowed}")
+    where = f"scene {shown(scene)}: " if scene else ""
+    return ConfigError(f"{where}{shown(key)} = {shown(value)}: {allowed}")
 
 
 def shown(value: Any) -> str:
@@ -93,6 +95,7 @@ def read_yaml(path: Path | str) -> dict[str, Any]:
         loader = _StrictLoader(text)
         try:
             node = loader.get_single_node()
+            _check_commas(node, text, path)
             _check_keys(node, str(path))
             content = loader.construct_document(node) if node else {}
         finally:
@@ -164,6 +167,32 @@ def _check_size(text, path):
                 sizes[anchor] = size - before
         if size > MOST_ENTRIES:
             raise _not_yaml(path, mark, f"with its aliases it has more than {MOST_ENTRIES} entries")
+
+
+def _check_commas(node, text, path):
+    """Refuse an entry of [a, b] or {a: b} that a comma ends within brackets of its own."""
+    if isinstance(node, yaml.ScalarNode) or node is None:
+        return
+    mapping = isinstance(node, yaml.MappingNode)
+    entries = [part for pair in node.value for part in pair] if mapping else node.value
+    for number, entry in enumerate(entries):
+        if node.flow_style and _left_open(entry) > 0:
+            depths = accumulate(map(_left_open, entries[number:]))
+            closed = next((n for n, depth in enumerate(depths, number) if depth <= 0), None)
+            if closed is not None:
+                whole = shown(text[entry.start_mark.index : entries[closed].end_mark.index])
+                raise ConfigError(
+                    f"{path}, line {entry.start_mark.line + 1}: {shown(entry.value)} ends at a "
+                    f"comma within its brackets; in quotes, '{whole}', it is one entry"
+                )
+        _check_commas(entry, text, path)
+
+
+def _left_open(node):
+    """How many brackets a scalar without quotes leaves open; below zero, closes too many."""
+    if not isinstance(node, yaml.ScalarNode) or node.style in ("'", '"'):
+        return 0
+    return node.value.count("(") - node.value.count(")")
 
 
 def _check_keys(node: yaml.Node | None, source: str, path: tuple[str, ...] = ()) -> None:

@@ -17,9 +17,14 @@ from sphpod.config.fields import (
     Unique,
     left_out,
 )
+from sphpod.config.start_section import Start
 
 ERROR_SAMPLES = 10000
 """Intervals over which errors are summed, where a scene says nothing else."""
+
+
+MOST_FORCES = 100
+"""Terms of a force, each of which is followed by itself."""
 
 
 class Force(Section):
@@ -309,8 +314,12 @@ class Scene(Section):
         "or free; default periodic"
     )
     duration: float = Field(gt=0, description="simulated time T [s], a whole number of time steps")
-    initial_velocity: Expression = Field(
-        description="v0(x) [m/s], a number or an expression in x, L and T"
+    initial_velocity: Expression = left_out(
+        description="v0(x) [m/s], a number or an expression in x, L and T; required, or a start"
+    )
+    start: Start = left_out(
+        description="a state that a file of a run holds, in the place of "
+        "initial_velocity; its time is t = 0 of the scene"
     )
     initial_density: Expression = Field(
         description="rho0(x) [kg/m3], positive, a number or an expression in x, L and T"
@@ -335,7 +344,9 @@ class Scene(Section):
     force: Annotated[
         Annotated[Expression, Tag("<scalar>")]
         | Annotated[Force, Tag("<mapping>")]
-        | Annotated[Annotated[list[ForceTerm], Field(min_length=1)], Tag("<list>")],
+        | Annotated[
+            Annotated[list[ForceTerm], Field(min_length=1, max_length=MOST_FORCES)], Tag("<list>")
+        ],
         BY_SHAPE,
     ] = left_out(
         description="external force per mass [m/s2], an expression in x, t, L and T, or time (in "

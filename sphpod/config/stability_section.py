@@ -12,6 +12,7 @@ from sphpod.config.mode_counts import check_count
 from sphpod.config.reading import ConfigError, refusal
 from sphpod.config.scene_section import Scene, error_interval, known_names
 from sphpod.config.sizes import check_sizes, sizes
+from sphpod.config.start_section import check_start
 from sphpod.reduced.snapshots import is_of_run
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
@@ -106,7 +107,7 @@ class Stability(Section):
 WITHOUT_TIMES = "it must be a sampling at times, as snapshots of other runs are taken there too"
 
 
-STEADY = "it must be a scene of which neither youngs_modulus nor damping names t"
+STEADY = "it must be a scene without start, of which neither youngs_modulus nor damping names t"
 
 
 def resolved_stability(
@@ -114,7 +115,7 @@ def resolved_stability(
 ) -> dict[str, Any]:
     """Check what is asked of stability; studies are of the first sampled scene if none is named."""
     steady = {
-        name: scenes.Scene.from_settings(name, settings).is_steady
+        name: "start" not in settings and scenes.Scene.from_settings(name, settings).is_steady
         for name, settings in known.items()
     }
     first = {
@@ -183,8 +184,8 @@ def _check_runs(stability: Mapping[str, Any], known: Mapping[str, Any]) -> None:
                 )
         scene = scenes.Scene.from_settings(run["scene"], known[run["scene"]])
         check_ends(run["scene"], known[run["scene"]])
-        if not scene.is_conservative:
-            allowed = "it must be a scene without damping and force"
+        if not scene.is_conservative or scene.start:
+            allowed = "it must be a scene without damping, force and start"
             raise refusal(None, f"stability.{study}.scene", run["scene"], allowed)
         if study == "long_run" and not np.any(scene.velocity0()):
             allowed = "it must be a scene with an initial velocity"
@@ -214,6 +215,11 @@ def _edge_scene(
         if given not in scenes.PHYSICS_KEYS:
             allowed = ", ".join(scenes.PHYSICS_KEYS)
             raise refusal(None, f"{key}.{given}", value, f"unknown here; allowed are {allowed}")
+    if "start" in settings:
+        raise refusal(
+            None, f"{key}.start", settings["start"], "scenes at the edge start unstrained"
+        )
+    check_start(name, settings)
     scene = {"error_interval": error_interval(settings), **settings}
     try:
         physics = scenes.Scene.from_settings(name, scene)
@@ -229,6 +235,8 @@ def _edge_scene(
 
 def _strains(scene: scenes.Scene) -> bool:
     """Whether the initial velocity, scaled by up to 1e12, can fold the line."""
+    if scene.start:
+        return False
     velocity, damping = scene.velocity0(), scene.damping_values()
     slowed_apart = damping.size and damping.min() < damping.max() and np.any(velocity)
     reach = 1e12 * scene.duration * np.abs(scene.derivative(velocity)).max()

@@ -323,6 +323,9 @@ def _check_scene(scene, settings):
     if scene.ends is not None:
         allowed = "surveys are of periodic scenes"
         raise refusal(scene.name, "boundary", settings["boundary"], allowed)
+    if scene.start:
+        allowed = "the scene of a survey starts from an initial_velocity"
+        raise refusal(scene.name, "start", settings["start"], allowed)
     for key in ("youngs_modulus", "damping"):
         if scene.changing(key) is not None:
             allowed = "it must not name t in a scene of a survey"

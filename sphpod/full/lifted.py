@@ -179,7 +179,7 @@ def prepare(
         times a `RESOLVED` part of the fastest wave's radian apart, unless energy excludes a fold.
         With ``watch=False`` it looks for none, by which the cost of watching can be measured.
     """
-    begin = start or (scene.velocity0(), np.zeros(scene.particle_count))
+    begin = start or (scene.velocity0(), scene.starting_strain())
     if integrator in FIXED_STEP:
         return _fixed_step(scene, integrator, time_step or scene.time_step, begin)
     if integrator == "exact" and not np.isfinite(begin).all():

@@ -103,7 +103,7 @@ def prepare(
     # Of one type whatever was given: the kernel is compiled for that alone.
     steps = np.ascontiguousarray(steps, np.int64)
     first_step = 0 if start is None else int(steps[0])
-    velocity_now, density_now = start or (scene.velocity0(), scene.density0())
+    velocity_now, density_now = start or (scene.velocity0(), scene.starting_density())
     amplitudes, profiles = scene.force_of_steps(steps[-1])
     density0, dt = scene.density0(), scene.time_step
     modulus, stiffening = changing(scene, "youngs_modulus", steps[-1] + 1, first_step)

@@ -164,6 +164,8 @@ def _refusal(node: ast.AST, names: frozenset[str]) -> str | None:
         case ast.Call(
             func=ast.Name(id="nth"), args=[ast.Tuple(elts=values), number], keywords=[]
         ) if values:
+            if len(values) > LONGEST_SUM:
+                return f"nth takes {LONGEST_SUM} numbers at most, not {len(values)}"
             if "t" in reads(number) or any(reads(value) for value in values):
                 return "nth counts numbers by x, as in nth((1, 3, 10), 3*x/L)"
             return _first_refusal((*values, number), names)
@@ -283,7 +285,9 @@ class Expression:
             if not refusal:
                 self._function = _compiled(tree, variables, self.constants)
         except SyntaxError:
-            refusal = "it is not an expression"
+            unpaired = self.text.count("(") - self.text.count(")")
+            brackets = {0: "", 1: ", as a bracket stays open", -1: ", as a bracket is not opened"}
+            refusal = f"it is not an expression{brackets[int(np.sign(unpaired))]}"
         except (ValueError, MemoryError, RecursionError):
             refusal = "it is too long, or nested too deeply"
         if "\0" in self.text:

@@ -6,21 +6,40 @@ from pathlib import Path
 
 from sphpod.pipeline.dataset import whole
 
+ERRATUM = re.compile(r"^(\d+)\. \*(.+?)\*(?: \((\w+)\))?\.?(.+?)(?=^\d+\. |\Z)", re.M | re.S)
+"""Number, *place and statement*, claim, if there is one, and finding."""
+
 
 def rows(page: str) -> list[dict[str, str]]:
-    """Number, statement and finding of each erratum in the text of that page, without its marks."""
+    """The errata in the text of that page, without its marks.
+
+    Returns
+    -------
+    list of dict
+        Of each its number (``erratum``), its ``place`` in the paper, what is ``said`` there and
+        what is ``right``, the ``evidence``, and the ``claim`` that is judged by it, if any.
+    """
     section = page.split("\n## Errata\n", 1)[1]
     section = re.split(r"^#+ ", section, maxsplit=1, flags=re.M)[0]
-    found = re.findall(r"^(\d+)\. \*(.+?)\*(.+?)(?=^\d+\. |\Z)", section, re.M | re.S)
-    return [
-        {"erratum": number, "statement": _plain(said), "finding": _plain(finding).lstrip(". ")}
-        for number, said, finding in found
-    ]
+    return [_row(*found) for found in ERRATUM.findall(section)]
+
+
+def _row(number, statement, claim, finding):
+    place, _, said = _plain(statement).partition(", ")
+    right, _, evidence = _plain(finding).partition(": ")
+    return {
+        "erratum": number,
+        "place": place,
+        "said": said,
+        "right": right,
+        "evidence": evidence,
+        "claim": claim,
+    }
 
 
 def _plain(text):
     text = re.sub(r"\[([^\]]+)\]\([^)]+\)", r"\1", " ".join(text.split()))
-    return text.replace("`", "").rstrip(".")
+    return text.replace("`", "").strip().rstrip(".")
 
 
 def write(page: str | os.PathLike[str], path: str | os.PathLike[str]) -> None:

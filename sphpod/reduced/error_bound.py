@@ -124,13 +124,12 @@ class FullModel:
 
     @classmethod
     def of(cls, scene: Scene) -> "FullModel":
-        mass, _ = lifted.energy_weights(scene)
-        none = np.zeros(mass.size)
+        mass, stiffness = lifted.energy_weights(scene)
         courses, columns = scene.courses(), np.zeros((2 * mass.size, 0))
         if courses:
             _, profiles = scene.force_values(np.zeros(1))
             columns = np.concatenate([mass * profiles, np.zeros_like(profiles)], axis=1).T
-        start = np.concatenate([mass * scene.velocity0(), none])
+        start = np.append(mass * scene.velocity0(), stiffness * scene.starting_strain())
         return cls(scene, lifted.operator(scene), start, courses, columns)
 
     @property
@@ -521,7 +520,7 @@ def error_bounds(
         richer = enriched(full, richer, change * np.abs(richer_state).max(axis=1))
         richly = richer.prepare("lifted_exact")
         richer_state = richly.new_state()
-        richly.run(model.scene.velocity0(), richer_state)
+        richly.run(model.scene.starting_state(), richer_state)
         known = _difference(model.coordinates(state), richer.coordinates(richer_state))
         start, modes = richer_state[:, 0], own_modes(richer)
         change = corrections(full, richer, modes)

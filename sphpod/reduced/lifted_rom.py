@@ -276,8 +276,10 @@ class LiftedModel:
         euler_steps = {"lifted_euler": scene.error_stride, "lifted_exact": 0}[method]
         kv = len(self.velocity_modes)
         back = own.from_modes
-        mass, _ = lifted.energy_weights(scene)
+        mass, stiffness = lifted.energy_weights(scene)
         start = back[:, :kv] @ (self.velocity_modes * mass)
+        if scene.start:
+            start = np.hstack([start, back[:, kv:] @ (self.strain_modes * stiffness)])
         if scene.is_stepped:
             terms = reduced_in_time.Terms.of(self)
             return Prepared(self, method, reduced_in_time.Steps(terms, euler_steps > 0), start)
@@ -367,7 +369,7 @@ class LiftedModel:
         finer = replace(self, scene=replace(scene, error_interval=interval / parts, time_step=step))
         prepared = finer.prepare(method)
         resolved = prepared.new_state()
-        prepared.run(scene.velocity0(), resolved)
+        prepared.run(scene.starting_state(), resolved)
         return finer.breakdown(resolved)
 
 
@@ -493,12 +495,12 @@ class Prepared:
         """An array for the own coordinates, shape (coordinates, times)."""
         return np.zeros((len(self.start), self.model.scene.error_times.size))
 
-    def run(self, velocity0: np.ndarray, state: np.ndarray) -> None:
-        """Fill ``state`` for an initial velocity (N,), at all times of the error integral.
+    def run(self, begin: np.ndarray, state: np.ndarray) -> None:
+        """Fill ``state`` from `Scene.starting_state`, at all times of the error integral.
 
         Only the start sees the particles.
         """
-        state[:, 0] = self.start @ velocity0
+        state[:, 0] = self.start @ begin
         self.jumps.run(state)
 
     def solve(self) -> np.ndarray:
@@ -510,7 +512,7 @@ class Prepared:
             The model is not finite, or its Jacobian 1 + e not positive.
         """
         state = self.new_state()
-        self.run(self.model.scene.velocity0(), state)
+        self.run(self.model.scene.starting_state(), state)
         model = self.model
         breakdown = model.breakdown(state) or model.breakdown_between(state, self.method)
         if breakdown is not None:

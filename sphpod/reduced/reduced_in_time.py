@@ -342,14 +342,17 @@ def error_bounds(prepared: Any) -> np.ndarray:
         return np.full(scene.error_times.size, np.inf)
     times = bound_times(prepared.jumps.terms)
     state = np.zeros((len(prepared.start), times.size))
-    state[:, 0] = prepared.start @ scene.velocity0()
+    state[:, 0] = prepared.start @ scene.starting_state()
     steps = Steps(prepared.jumps.terms, euler=False)
     steps.run(state, times)
     sizes = _residual_sizes(model, steps.terms, state, times)
     grown = pumping(scene, times)
-    mass, _ = lifted.energy_weights(scene)
-    start = mass * scene.velocity0()
-    begun = np.linalg.norm(start - model.velocity_modes.T @ state[: len(model.velocity_modes), 0])
+    mass, stiffness = lifted.energy_weights(scene)
+    kv = len(model.velocity_modes)
+    begun = np.hypot(
+        np.linalg.norm(mass * scene.velocity0() - state[:kv, 0] @ model.velocity_modes),
+        np.linalg.norm(stiffness * scene.starting_strain() - state[kv:, 0] @ model.strain_modes),
+    )
     fine, coarse = (
         np.exp(grown[::n]) * (begun + _sum_of(sizes[::n], grown[::n], times[::n])) for n in (1, 2)
     )

@@ -133,7 +133,8 @@ class ReducedModel:
         pull = of_stress * scene.modulus()
         stiffening, slowing = self._changes("youngs_modulus", steps), self._slowing(steps)
         stretch = -dt * scene.derivative(velocity_modes) / density0
-        start = _padded(velocity_modes @ scene.velocity0()), _padded(density_modes @ density0)
+        first = velocity_modes @ scene.velocity0(), density_modes @ scene.starting_density()
+        start = _padded(first[0]), _padded(first[1])
         decay, damping, amplitudes, push = self._project_forces(dt, steps[-1])
         forces = decay, _padded(damping.T, both=True), amplitudes, _padded(push.T).T.copy()
         on_particles = _padded(stretch), _padded(density_modes)

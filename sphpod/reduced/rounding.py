@@ -54,7 +54,7 @@ def twins(scene: Scene, sampling: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
 def beside(scene: Scene) -> sph.State:
     """Initial velocity (N,) [m/s] and density (N,) [kg/m³], one of them off by its last place."""
-    velocity, density = scene.velocity0(), scene.density0()
+    velocity, density = scene.velocity0(), scene.starting_density()
     # Errors in the density at the start are larger than those that steps from it make, so it is
     # left alone unless there is no velocity to change.
     if velocity.any():

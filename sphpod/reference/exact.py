@@ -75,7 +75,7 @@ def kind(scene: Scene) -> str | None:
     "dalembert", "fourier", "two_layer" or None
         See the module; None if no exact solution is known.
     """
-    if not scene.is_steady:
+    if not scene.is_steady or scene.start:
         return None
     x = _fine_grid(scene)
     density, modulus = scene.initial_density(x=x), scene.youngs_modulus(x=x)

@@ -228,7 +228,8 @@ def _solve(scene, refinement, shift):
     state = np.zeros((7, nodes.size + 1))
     state[0, 1:] = scene.initial_velocity(x=nodes)
     state[0, 0] = state[0, -1]
-    state[1, :-1] = density0
+    strain = scene.start.strain(x=between) if scene.start else 0.0
+    state[1, :-1] = density0 / (1 + strain)
     stiffest = scene.largest_modulus().max() if softening[0].size else modulus.max()
     most_damped = scene.damping_range()[1] if slowing[0].size else damping.max(initial=0.0)
     pace = _fastest_change(stiffest, inertia, (most_damped, *forces[1:]), spacing, dt)

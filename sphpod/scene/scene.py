@@ -18,6 +18,7 @@ from sphpod.numerics.expressions import Expression
 from sphpod.numerics.separation import Products, Separated, instants, separate
 from sphpod.scene.ends import MATERIAL, VELOCITY, Ends, Mirrored
 from sphpod.scene.kernel import derivative, neighbour_lists, stencil_weights
+from sphpod.scene.start import Start
 
 logger = logging.getLogger(__name__)
 
@@ -26,6 +27,7 @@ PHYSICS_KEYS = (
     "boundary",
     "duration",
     "initial_velocity",
+    "start",
     "initial_density",
     "youngs_modulus",
     "damping",
@@ -125,6 +127,9 @@ class Scene:
         Those of a bar, of which the chain then is the bar and its mirror images, all of a period:
         domain_length, particle_count and the expressions are those of the line. None of what is
         periodic itself.
+    start : Start or None
+        The kept state of which initial_velocity is the velocity; None of a scene that starts
+        unstrained.
     """
 
     name: str
@@ -143,6 +148,7 @@ class Scene:
     jitter: float = 0.0
     seed: int = 0
     ends: Ends | None = None
+    start: Start | None = None
 
     @classmethod
     def from_settings(cls, name: str, settings: dict[str, Any]) -> "Scene":
@@ -151,7 +157,7 @@ class Scene:
         Raises
         ------
         ValueError
-            An expression is not one, or uses an unknown name.
+            An expression is not one, or uses an unknown name; or a kept state is not one.
         """
         step = float(settings["time_step"])
         duration = whole_time(float(settings["duration"]), step)
@@ -192,7 +198,7 @@ class Scene:
         else:
             forces = [_term("force", given, expression, alike)]
         places = settings.get("positions", {})
-        return cls(
+        scene = cls(
             name=name,
             domain_length=length,
             duration=duration,
@@ -201,7 +207,7 @@ class Scene:
             time_step=step,
             error_interval=interval,
             interface=settings.get("interface"),
-            initial_velocity=profile("initial_velocity", IN_X),
+            initial_velocity=profile("initial_velocity", IN_X) or expression("start", 0, IN_X),
             initial_density=profile("initial_density", IN_X),
             youngs_modulus=profile("youngs_modulus", IN_X, IN_X_AND_T),
             damping=profile("damping", IN_X, IN_X_AND_T),
@@ -210,6 +216,16 @@ class Scene:
             seed=places.get("seed", 0),
             ends=ends,
         )
+        return scene._started(settings["start"]) if "start" in settings else scene
+
+    def _started(self, given):
+        """The scene, from the state that ``given`` names."""
+        places, density0 = self.positions, self.density0()
+        try:
+            start = Start.read(given, places, self.domain_length, density0, self.ends)
+        except ValueError as error:
+            raise ValueError(f"scene {self.name}: {error}") from None
+        return replace(self, initial_velocity=start.velocity, start=start)
 
     @property
     def spacing(self) -> float:
@@ -333,8 +349,23 @@ class Scene:
         return self.initial_velocity(x=self.positions)
 
     def density0(self) -> np.ndarray:
-        """Initial density of the particles [kg/m³], shape (N,)."""
+        """Density ρ0 of the particles unstrained [kg/m³], shape (N,)."""
         return self.initial_density(x=self.positions)
+
+    def starting_density(self) -> np.ndarray:
+        """Density of the particles at t = 0 [kg/m³], shape (N,): ρ0, but of a kept state."""
+        return self.density0() if self.start is None else self.start.density
+
+    def starting_strain(self) -> np.ndarray:
+        """Strain of the particles at t = 0, shape (N,): zero, but of a kept state."""
+        if self.start is None:
+            return np.zeros(self.particle_count)
+        return self.start.strain(x=self.positions)
+
+    def starting_state(self) -> np.ndarray:
+        """Velocity [m/s] at t = 0, and of a kept state its strain behind it, (N,) or (2 N,)."""
+        velocity = self.velocity0()
+        return velocity if self.start is None else np.append(velocity, self.starting_strain())
 
     def changing(self, key: str) -> Changing | None:
         """``youngs_modulus`` or ``damping`` at the particles where it changes with time."""

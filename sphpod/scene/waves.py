@@ -137,9 +137,9 @@ def energy_growth(scene):
     float
         Energy after T, of that at the start. NaN if the scene is damped or forced, or so nearly at
         rest that more than a thousandth of it may come from rounding
-        (`sphpod.studies.growth.Waves`).
+        (`sphpod.studies.growth.Waves`), or starts strained.
     """
-    if not scene.is_conservative:
+    if not scene.is_conservative or scene.start:
         return np.nan
     velocity = scene.velocity0()
     weights = scene.density0() * scene.volumes

@@ -335,7 +335,7 @@ def _lifted_model(scene, method, count, modes, buffers):
     prepared = model.prepare(method)
     state = buffers.get("state", *prepared.new_state().shape)
     velocity, strain = _kept(scene, buffers)
-    velocity0 = scene.velocity0()
+    begin = scene.starting_state()
     prepared.reconstruct(state, velocity, strain)
 
     def shown():
@@ -346,7 +346,7 @@ def _lifted_model(scene, method, count, modes, buffers):
         method,
         {"lifted_euler": "repeats explicit_euler", "lifted_exact": "exact"}[method],
         scene,
-        lambda: prepared.run(velocity0, state),
+        lambda: prepared.run(begin, state),
         shown,
         count,
         reconstruct=lambda: prepared.reconstruct(state, velocity, strain),

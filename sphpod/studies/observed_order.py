@@ -334,7 +334,7 @@ STUDY = Study(
     ),
     settings={
         "levels": Setting(
-            int, 3, ge=3, description="grids and time steps, each half of the one before"
+            int, 3, ge=3, le=8, description="grids and time steps, each half of the one before"
         )
     },
     variables={

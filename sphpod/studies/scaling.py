@@ -124,7 +124,7 @@ def _jumps(scene, modes):
     rows = waves(scene.particle_count, modes)
     prepared = lifted_rom.LiftedModel(scene, rows, rows[1:], 1).prepare("lifted_exact")
     state, jumps = prepared.new_state(), prepared.jumps
-    state[:, 0] = prepared.start @ scene.velocity0()
+    state[:, 0] = prepared.start @ scene.starting_state()
     return lambda: jumps.run(state)
 
 

@@ -119,8 +119,8 @@ def _pairs(scene: Scene) -> list[Pair]:
 
     def jumping(case):
         prepared = lifted_rom.LiftedModel(case, rows, rows[1:], 1).prepare("lifted_exact")
-        state, velocity0 = prepared.new_state(), case.velocity0()
-        return lambda: prepared.run(velocity0, state)
+        state, begin = prepared.new_state(), case.starting_state()
+        return lambda: prepared.run(begin, state)
 
     coarse = replace(scene, particle_count=scene.particle_count // 4)
 

@@ -10,7 +10,6 @@ function that computes it, and no other part of the module.
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from importlib import import_module
-from operator import attrgetter
 from pkgutil import iter_modules
 from typing import Any
 
@@ -31,7 +30,10 @@ paper's study of run time that a scene asks for with a sampling, or a key of it.
 Need = tuple[Callable[[Scene], bool], str]
 """What a scene must be, and that in words."""
 
-UNDAMPED: Need = attrgetter("is_conservative"), "without damping and force"
+UNDAMPED: Need = (
+    lambda scene: scene.is_conservative and not scene.start,
+    "without damping, force and start",
+)
 """A scene of which theory predicts the growth wave by wave."""
 
 
@@ -48,11 +50,14 @@ STEADY: Need = (
 )
 
 RUN: Need = (
-    lambda scene: scene.is_conservative and _without_free_ends(scene),
-    "without damping and force, and without free ends",
+    lambda scene: UNDAMPED[0](scene) and _without_free_ends(scene),
+    "without damping, force and start, and without free ends",
 )
 
-EVEN: Need = attrgetter("is_even"), "with evenly spaced particles"
+EVEN: Need = (
+    lambda scene: scene.is_even and not scene.start,
+    "with evenly spaced particles that start unstrained",
+)
 
 
 @dataclass(frozen=True)

@@ -69,6 +69,7 @@ def test_a_chain_may_be_called_periodic():
         ({"springs": None}, ["springs = (missing)", "belong together"]),
         ({"masses": MASSES[:7]}, ["masses = [0.02", "one for each of 8 particles, and has 7"]),
         ({"springs": [1, -1] * 4}, ["springs.1 = -1", "must be a positive number"]),
+        ({"masses": [1] * 10001}, ["masses = [1, 1, 1]", "at most 10000 of them"]),
         ({"masses": "1"}, ["masses = 1", "list of positive numbers"]),
         ({"initial_density": 1}, ["initial_density = 1", "in the place of initial_density"]),
         ({"boundary": ["fixed", "fixed"]}, ["boundary", "periodic and evenly spaced"]),

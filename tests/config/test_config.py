@@ -267,6 +267,15 @@ def test_yaml_reads_every_number_as_python_does(tmp_path_factory, number, form):
     assert config.read_yaml(path)["key"] == float(text)
 
 
+def test_an_output_that_is_or_passes_through_a_file_is_refused(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "taken").touch()
+    for output in ("taken", "taken/below", str(tmp_path / "taken"), "/dev/null"):
+        with pytest.raises(config.ConfigError, match=r"^output = .* is a file; it must be a fold"):
+            config.load([], {"scenes": {"wave": WAVE}, "output": output})
+    assert config.load([], {"scenes": {"wave": WAVE}, "output": "free"})["output"] == "free"
+
+
 def test_number_forms_reach_the_scene(load):
     text = yaml.safe_dump(wave()).replace("time_step: 0.002", "time_step: 2E-3")
     text = text.replace("particle_count: 20", "particle_count: 2e1")
@@ -279,7 +288,19 @@ def test_number_forms_reach_the_scene(load):
 
 STUDY = {"mode_counts": [3], "n_freeze": [1]}
 
+BOTH = "sum(1e-4*sin(l*x)*cos(l*t) for l in range({}))"
+
 REFUSALS = [
+    # sizes
+    (
+        {"youngs_modulus": f"0.1 + {BOTH.format(600)}"},
+        ["its sums have 600 terms", "100 are allowed"],
+    ),
+    ({"force": ["sin(t)*x"] * 101}, ["force = [", "at most 100 entries"]),
+    ({"initial_velocity": f"nth(({'1, ' * 10001}), x)"}, ["nth takes 10000 numbers at most"]),
+    ({"youngs_modulus": 1e-320}, ["it is 9.99989e-321, and must be from 1e-140 to 1e+140"]),
+    ({"initial_density": 1e200}, ["it is 1e+200, and must be from 1e-140 to 1e+140"]),
+    ({"damping": "1e-200*x"}, ["and must be 0 or from 1e-140 to 1e+140"]),
     # keys
     ({"particel_count": 3}, ["particel_count = 3", "unknown key", "did you mean particle_count"]),
     ({"samplings.few.cuont": 3}, ["samplings.few.cuont = 3", "unknown key", "count", "range"]),
@@ -745,46 +766,6 @@ def test_sizes_of_the_benchmark_by_default(load):
 def test_variants_that_cannot_run_are_refused(load, runs, answer):
     with pytest.raises(config.ConfigError) as caught:
         load({"scenes": {"wave": WAVE}, "studies": {"variants": {"runs": runs}}})
-    assert answer in str(caught.value)
-    assert "\n" not in str(caught.value)
-
-
-# -------------------------------------------------------------------------- borrowed modes
-
-
-def borrowing(*sources, **changes):
-    other = WAVE | {"initial_velocity": "1e-3*sin(4*pi*x/L)", "samplings": {}} | changes
-    return {
-        "scenes": {
-            "wave": WAVE,
-            "other": other | {"samplings": {"lent": {"modes": {"from": list(sources)}}}},
-        }
-    }
-
-
-def test_borrowed_modes_are_as_many_as_the_snapshots_of_all_their_samplings(load):
-    few = load(borrowing("wave/few"))["scenes"]
-    both = load(borrowing("wave/few", "wave/uniform10"))["scenes"]["other"]["samplings"]["lent"]
-    own = few["wave"]["samplings"]
-    assert few["other"]["samplings"]["lent"]["mode_counts"] == own["few"]["mode_counts"]
-    assert both["counts"] == [2 + 10, 3 + 10]
-
-
-@pytest.mark.parametrize(
-    ("sources", "changes", "answer"),
-    [
-        (["wave/fw"], {}, "other: samplings.lent.modes.from = wave/fw: no such sampling with"),
-        (["other/lent"], {}, "no such sampling with snapshots of its own; allowed are wave/"),
-        (["wave"], {}, "modes.from = wave: no such sampling with snapshots of its own"),
-        (["wave/few"], {"particle_count": 50}, "particle_count of wave is"),
-        (["wave/few"], {"domain_length": 2}, "domain_length of wave is 1"),
-        (["wave/few"], {"positions": {"jitter": 0.1}}, "positions of wave is evenly spaced"),
-        ([], {}, "samplings.lent.modes.from = []: it must have at least 1"),
-    ],
-)
-def test_modes_that_cannot_be_borrowed_are_refused(load, sources, changes, answer):
-    with pytest.raises(config.ConfigError) as caught:
-        load(borrowing(*sources, **changes))
     assert answer in str(caught.value)
     assert "\n" not in str(caught.value)
 

@@ -37,6 +37,9 @@ def read(tmp_path):
         ("5", "holds 5 where keys and values are needed"),
         ("a: 1".encode("utf-16"), "line 1: this is UTF-16; UTF-8 is needed"),
         ("a: 1\nb: é".encode("latin-1"), "line 2: the byte 0xe9 is not UTF-8, which is needed"),
+        ("a: [1, f(x, 2), 3]", "line 1: f(x ends at a comma within its bracket"),
+        ("a: 1\nb: {c: f((1, 2), t), d: 3}", "line 2: f((1 ends at a comma within its brack"),
+        ("a: [b, {c: [f(1,g(2)), 0]}]", "line 1: f(1 ends at a comma within its bracket"),
         ("a: &a [*a]", "line 1: this is not YAML (*a refers to what it is part of)"),
         ("a: " + "[" * 500 + "]" * 500, "line 1: this is not YAML (nested more than 50 deep)"),
         ("a: " + "[" * 5000, "line 1: this is not YAML (nested more than 50 deep)"),
@@ -59,6 +62,7 @@ def test_what_is_not_wrong_is_read(read):
     assert read("") == {}
     assert read("\ufeffa: 1") == {"a": 1}
     assert read(f"# {'x' * (LARGEST_FILE - 10)}\na: 1") == {"a": 1}
+    assert read("a: [b (c, d]\ne: ['f(x', 2)]") == {"a": ["b (c", "d"], "e": ["f(x", "2)"]}
     assert read("a: １２") == {"a": "１２"}  # no digits of YAML
 
 

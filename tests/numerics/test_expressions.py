@@ -117,6 +117,8 @@ def test_not_finite_without_fault_or_warning(text):
     [
         ("", "not an expression"),
         ("x +", "not an expression"),
+        ("where(x < 1", "as a bracket stays open"),
+        ("sin(x)) + 1", "as a bracket is not opened"),
         ("x = 1", "not an expression"),
         ("x; x", "not an expression"),
         ("import os", "not an expression"),

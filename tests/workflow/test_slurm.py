@@ -67,6 +67,17 @@ def test_one_job_makes_the_bytes_of_a_local_run(local, tmp_path):
     assert results(folder) == results(local)
 
 
+def test_a_survey_in_chunks_makes_the_bytes_of_a_local_run(tmp_path):
+    folders = [copy_of_project(tmp_path / name) for name in ("local", "queued")]
+    ways = ["--cores", "2"], ["--workflow-profile", "profiles/slurm"]
+    for folder, way in zip(folders, ways, strict=True):
+        run = snakemake(folder, *way, "--", "surveys")
+        assert run.returncode == 0, run.stderr
+    chunks = list(folders[1].glob("small/results/surveys/*/queries/*.nc"))
+    assert len(chunks) >= 3
+    assert results(folders[1]) == results(folders[0])
+
+
 def test_a_job_out_of_memory_is_reported_and_leaves_no_file(tmp_path):
     folder = copy_of_project(tmp_path)
     run = snakemake(

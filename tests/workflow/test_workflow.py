@@ -18,7 +18,9 @@ import xarray as xr
 import yaml
 
 from sphpod.config.stability_section import STABILITY_STUDIES
+from sphpod.paper import errata
 from sphpod.pipeline import dataset
+from sphpod.pipeline.page import of_table
 from sphpod.scene.scene import PHYSICS_KEYS, Scene
 
 ROOT = Path(__file__).parents[2]
@@ -753,7 +755,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
         (["--", "small/figures/nothing.pdf"], "figure = nothing: allowed are "),
         (
             ["--", "small/results/damped_forced/growth.nc"],
-            "scene = damped_forced: this needs one without damping and force",
+            "scene = damped_forced: this needs one without damping, force and start",
         ),
         (
             ["--", "small/results/waves/uniform10/long_run/k11.nc"],
@@ -958,6 +960,17 @@ def test_a_browser_shows_the_claims_as_a_table(built):
         rows = list(csv.DictReader(file))
     assert page.count("<tr") == len(rows) + 1
     assert all(f"<td>{row['id']}</td>" in page for row in rows)
+
+
+def test_a_browser_shows_the_errata_and_sorts_them(tmp_path):
+    found = errata.rows((ROOT / "docs/reproducing-the-paper.md").read_text(encoding="utf-8"))
+    clicks = "<script>heads[0].click(); heads[0].click()</script>"
+    path = tmp_path / "errata.html"
+    path.write_text(of_table("errata", found) + clicks, encoding="utf-8")
+    shown, complaints = in_browser(path, width=400)
+    assert not complaints
+    rows = re.findall(r"<tr><td[^>]*>(\d+)</td><td[^>]*>([^<]+)</td>", shown)
+    assert rows == [(row["erratum"], row["place"]) for row in reversed(found)]
 
 
 def test_lint_asks_only_for_containers(built):

@@ -57,10 +57,6 @@ except ConfigError as error:
     stop(error)
 
 OUTPUT = Path(CONFIG["output"])
-for folder in (OUTPUT / part for part in ("results/logs", "figures")):
-    for above in (folder, *folder.parents):
-        if above.exists() and not above.is_dir():
-            stop(f"output = {OUTPUT}: {above} is a file; it must be a folder, or nothing yet")
 if len(sys.executable.split()) > 1:
     stop(f"{sys.executable} has a space in its path, which scripts of Snakemake cannot be run with")
 SCENES = CONFIG["scenes"]
@@ -512,7 +508,7 @@ def known_reference(wildcards):
     known_scene(wildcards)
     scene = Scene.from_settings(wildcards.scene, physics(wildcards))
     exists = exact.kind(scene)
-    kinds = ["fd", "centred", *["chain"] * scene.is_even, *(["exact"] if exists else [])]
+    kinds = ["fd", "centred", *["chain"] * (scene.is_even and not scene.start), *(["exact"] if exists else [])]
     kinds += ["modified"] if exists == "dalembert" else []
     return known(f"scene {wildcards.scene}: reference", wildcards.kind, kinds)
 
