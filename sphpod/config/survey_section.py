@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import Discriminator, Field, Tag
 
+from sphpod.config.design_section import Design, resolved_design
 from sphpod.config.fields import LARGEST_SEED, ModeCount, Name, ParameterName, Section, left_out
 from sphpod.config.reading import refusal
 from sphpod.config.scene_section import Parameter, Time
@@ -27,11 +28,16 @@ TAKEN = (
     *("true_error", "effectivity", "inside", "quantity", "parameter"),
     *(f"{kind}_index{end}" for kind in ("first", "total") for end in ("", "_low", "_high")),
     *("velocity_modes", "stress_modes", "translation", "mode_count", "training_points"),
+    *("round", "holds", "verdict", "designed"),
+    *(f"evaluation{end}" for end in ("", "_round", "_point", "_value", "_excess")),
 )
 """Names in the results of a survey."""
 
 TAKEN_FROM_PARAMETERS = (*TAKEN, "velocity", "strain", "point", "extrapolate")
 """Names that no parameter of a survey has: those, of its training runs, and of calls to it."""
+
+ENDS = "_low", "_high", "_full"
+"""What is added to the name of a quantity for its interval, and for its value of a full run."""
 
 CHECKED = 64
 """Points within the ranges at which the scene is checked, beside their corners."""
@@ -199,6 +205,10 @@ class Survey(Section):
         description="base samples of the Sobol indices, a power of two, each of which is a query "
         "for each parameter and two more; 0 for none, default 256",
     )
+    design: Design = left_out(
+        description="the best values of the parameters: what is to be minimised, maximised or "
+        "reached, and within which levels"
+    )
 
 
 def resolved_surveys(
@@ -265,6 +275,10 @@ def _resolved(name, survey, scenes):
         word: defaults.get(quantity["kind"], Quantity).default_keys() | quantity
         for word, quantity in survey["quantities"].items()
     }
+    if "design" in survey:
+        resolved["design"] = resolved_design(
+            f"{key}.design", survey["design"], survey, settings["parameters"]
+        )
     return resolved
 
 
@@ -317,11 +331,12 @@ def _check_queries(key, queries, parameters):
 
 def _check_name(key, word, parameters, others):
     """Refuse a quantity whose name another variable of the results has."""
-    ends = [word.removesuffix(end) for end in ("_low", "_high") if word.endswith(end)]
-    if word in (*TAKEN, *parameters) or any(one in others for one in ends):
+    ends = [word.removesuffix(end) for end in ENDS if word.endswith(end)]
+    made = [f"{word}{end}" for end in ENDS]
+    if word in (*TAKEN, *parameters) or {*ends} & {*others} or {*made} & {*parameters}:
         allowed = (
             f"this name is taken in the results; allowed are others than {', '.join(TAKEN)}, "
-            "parameters, and those of intervals, which end with _low or _high"
+            f"parameters, and those of another with {', '.join(ENDS)} at the end"
         )
         raise refusal(None, key, word, allowed)
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.pipeline.dataset import Variable
-from sphpod.surveys import samples, sensitivity, training, validation
+from sphpod.surveys import design, samples, sensitivity, training, validation
 from sphpod.surveys.answers import OF_QUERY, answer_all, chunk_points, of_settings, variables
 from sphpod.surveys.parts import Operators
 from sphpod.surveys.questions import questions
@@ -52,6 +52,18 @@ def validated(name: str, settings: Settings, survey: Settings, model: Arrays) ->
     return validation.validate(name, settings, survey, model)
 
 
+def designed(
+    name: str,
+    settings: Settings,
+    survey: Settings,
+    model: Arrays,
+    answers: Arrays,
+    runs: Sequence[Arrays] = (),
+) -> dict:
+    """Optima of a survey, and their full runs."""
+    return design.design(name, settings, survey, model, answers, runs)
+
+
 def shared_out(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
     """Sobol indices of the quantities of a survey."""
     return sensitivity.share_out(name, settings, survey, model)
@@ -69,6 +81,8 @@ def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Varia
         **training.MODEL_VARIABLES,
         **validation.VARIABLES,
         **sensitivity.VARIABLES,
+        **design.VARIABLES,
+        **design.full_variables(asked),
         **OF_QUERY,
         **variables(asked, settings["parameters"]),
     }

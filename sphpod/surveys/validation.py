@@ -9,9 +9,12 @@ import numpy as np
 from sphpod.full import lifted
 from sphpod.pipeline.dataset import Variable
 from sphpod.scene.breakdown import Breakdown
+from sphpod.scene.scene import Scene
 from sphpod.surveys import samples
 from sphpod.surveys.answers import of_settings
 from sphpod.surveys.folds import check_folds
+from sphpod.surveys.parts import Operators, Values
+from sphpod.surveys.query import Answer
 
 logger = logging.getLogger(__name__)
 
@@ -78,21 +81,45 @@ def _row(name, settings, reduced, asked, point):
     values = dict(zip(settings["parameters"], map(float, point), strict=True))
     answer = reduced.answer(values)
     check_folds(reduced.operators, answer, values)
-    scene = samples.scene_at(name, settings, values)
-    full = lifted.solve(scene, "exact")
-    mass, stiffness = lifted.energy_weights(scene)
-    norms = _norms(mass * full["velocity"], stiffness * full["strain"])
-    velocity, stress = _fields(reduced.operators, answer)
-    wrong = _norms(
-        mass * (full["velocity"] - velocity),
-        stiffness * (full["strain"] - stress / scene.modulus()),
-    )
-    true = wrong.max() / norms.max() if norms.max() else 0.0
+    scene, full, norms = in_full(name, settings, values)
     held = all(
         _holds(question, question.answer(answer, values), scene, full, norms)
         for question in asked.values()
     )
+    true = true_error(reduced.operators, answer, scene, full, norms)
     return true, answer.estimate, answer.relative_bound, held
+
+
+def in_full(
+    name: str, settings: Mapping[str, Any], values: Values
+) -> tuple[Scene, dict[str, np.ndarray], np.ndarray]:
+    """Scene, fields (times, N) and energy norms (times,) of the lifted full model, exact in time.
+
+    Raises
+    ------
+    Breakdown
+    """
+    scene = samples.scene_at(name, settings, values)
+    full = lifted.solve(scene, "exact")
+    mass, stiffness = lifted.energy_weights(scene)
+    return scene, full, _norms(mass * full["velocity"], stiffness * full["strain"])
+
+
+def true_error(
+    operators: Operators,
+    answer: Answer,
+    scene: Scene,
+    full: Mapping[str, np.ndarray],
+    norms: np.ndarray,
+) -> float:
+    """Largest energy norm of an answer's difference to a full run, of the largest norm of that."""
+    mass, stiffness = lifted.energy_weights(scene)
+    velocity, stress = _fields(operators, answer)
+    wrong = _norms(
+        mass * (full["velocity"] - velocity),
+        stiffness * (full["strain"] - stress / scene.modulus()),
+    )
+    return float(wrong.max() / norms.max()) if norms.max() else 0.0
 
 
 def _fields(operators, answer):

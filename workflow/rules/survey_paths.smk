@@ -56,6 +56,18 @@ def training_files(wildcards):
     return [f"<results>/surveys/{wildcards.survey}/training/{n}.nc" for n in range(count)]
 
 
+def design_inputs(wildcards):
+    """What a design begins with: the modes, the queries, and runs to train with once more."""
+    designed = [name for name, survey in SURVEYS.items() if "design" in survey]
+    known("survey with a design", wildcards.survey, designed)
+    folder = f"<results>/surveys/{wildcards.survey}"
+    return {
+        "model": f"{folder}/model.nc",
+        "answers": f"{folder}/answers.nc",
+        "runs": training_files(wildcards),
+    }
+
+
 def chunk_files(wildcards):
     count = survey_jobs.chunk_count(survey_physics(wildcards), SURVEYS[wildcards.survey])
     return [f"<results>/surveys/{wildcards.survey}/queries/{n}.nc" for n in range(count)]
@@ -64,12 +76,14 @@ def chunk_files(wildcards):
 SURVEY_TABLES = {
     "answers": "answers.nc",
     "quantiles": "answers.nc",
+    "design": "design.nc",
     "indices": "indices.nc",
     "validation": "validation.nc",
 }
 SURVEY_FIGURES = {
     "responses": "answers",
     "histograms": "answers",
+    "design": "design",
     "indices": "indices",
     "errors": "validation",
 }
@@ -101,8 +115,11 @@ def survey_options(wildcards):
         "parameters": SCENES[survey["scene"]]["parameters"],
         "quantities": survey_numbers(wildcards.survey),
         "tolerance": survey["tolerance"],
+        "keys": survey.get("design"),
+        "labels": survey_numbers(wildcards.survey),
     }
     asked = {
+        "design": ("keys", "labels"),
         "responses": ("parameters", "quantities"),
         "histograms": ("quantities",),
         "errors": ("tolerance",),
@@ -119,6 +136,8 @@ def survey_files(survey):
         drawn, tables = [*drawn, "indices"], [*tables, "indices"]
     if SURVEYS[survey]["validation"]:
         drawn, tables = [*drawn, "errors"], [*tables, "validation"]
+    if "design" in SURVEYS[survey]:
+        drawn, tables = [*drawn, "design"], [*tables, "design"]
     names = [f"{name}.csv" for name in tables]
     names += [f"{name}.{form}" for name in drawn for form in ("pdf", "png")]
     return [f"<results>/surveys/{survey}/{name}" for name in names]
