@@ -1,11 +1,11 @@
 """The best values of a survey's parameters: sought with the reduced model, checked by full runs.
 
 What is sought is the least or the largest value of a quantity or a parameter, or a value to be
-reached, where others keep to their levels. The search needs no derivatives (COBYQA), as a largest
+reached, where others keep to their levels. The search needs no derivatives (COBYLA), as a largest
 magnitude over time has kinks; it starts from the best queries, and ends where no step within the
 ranges betters it: at an optimum among its neighbours. There the scene is solved in full. Where that
-breaks a level, its run joins the training runs, and the search goes on with the modes of all; it
-then keeps away from the level by twice what the model is still off by at that point.
+breaks a level, its run joins the training runs, and the search goes on with the modes of all,
+corrected by what the model is still off by at that point, and a tenth of it for safety.
 
 What is better, and by how much, says `sphpod.surveys.goal`.
 """
@@ -21,7 +21,7 @@ from sphpod.pipeline.dataset import Variable
 from sphpod.scene.breakdown import Breakdown
 from sphpod.surveys import samples, training, validation
 from sphpod.surveys.answers import answer_all, of_settings
-from sphpod.surveys.goal import Arrays, Goal, scales
+from sphpod.surveys.goal import SLACK, Arrays, Goal, scales
 from sphpod.surveys.questions import Question
 
 logger = logging.getLogger(__name__)
@@ -32,14 +32,14 @@ STARTS = 3
 CANDIDATES = 64
 """Queries of which these are taken where some parameters are given, at those values."""
 
-FIRST_STEP, LAST_STEP = 0.1, 1e-6
+FIRST_STEP, LAST_STEP = 0.1, 1e-7
 """Of the search, as parts of the ranges."""
 
 MOST_EVALUATIONS = 200
 """From one start."""
 
-MARGIN = 2
-"""How many times what a model was off by at the last optimum it keeps away from a level."""
+MARGIN = 0.1
+"""Part of what a model is off by at the last optimum, by which it then keeps away from a level."""
 
 _OF_EVALUATION = ("evaluation",)
 VARIABLES = {
@@ -123,7 +123,7 @@ class Search:
             Answers of points.
         starts : array, shape (starts, parameters)
         margin : array, shape (levels,)
-            How far each level is kept away from, in spreads.
+            What is added to the excess over each level, in spreads.
         """
         ends = [self._from(ask, start, margin) for start in starts]
         self.round += 1
@@ -139,6 +139,7 @@ class Search:
         points, answers, known = [], [], {}
 
         def asked(unit):
+            unit = np.clip(unit, 0, 1)  # a step may end beyond a bound
             key = unit.tobytes()
             if key not in known:
                 points.append(self._point(unit))
@@ -151,16 +152,11 @@ class Search:
         minimize(
             lambda unit: asked(unit)[0],
             self._unit(start),
-            method="COBYQA",
+            method="COBYLA",
             bounds=Bounds(np.zeros(count), np.ones(count)),
-            constraints=[NonlinearConstraint(lambda unit: asked(unit)[1], -np.inf, 0)]
-            if margin.size
-            else [],
-            options={
-                "initial_tr_radius": FIRST_STEP,
-                "final_tr_radius": LAST_STEP,
-                "maxfev": MOST_EVALUATIONS,
-            },
+            constraints=[NonlinearConstraint(lambda unit: asked(unit)[1], -np.inf, 0)],
+            options={"rhobeg": FIRST_STEP, "maxiter": MOST_EVALUATIONS, "catol": SLACK / 10},
+            tol=LAST_STEP,
         )
         self.tried.append((self.round, _joined(answers)))
         objective, excess = map(np.array, zip(*known.values(), strict=True))
@@ -176,6 +172,8 @@ class Check:
     ----------
     reduced, full : dict
         Parameters, quantities and reason, (1,) or (1, times) each.
+    is_feasible : bool
+        Whether the reduced model, corrected, keeps to all levels.
     run : dict
         The full run, to train with; empty where it breaks down.
     true_error : float
@@ -183,6 +181,7 @@ class Check:
     """
 
     reduced: dict[str, np.ndarray]
+    is_feasible: bool
     full: dict[str, np.ndarray]
     run: dict[str, np.ndarray]
     true_error: float
@@ -192,9 +191,8 @@ class Check:
         broken = goal.broken(self.full)
         if not self.run or not broken:
             return str(self.full["reason"][0]) or "the full run holds", False
-        feasible = not goal.broken(self.reduced)
-        begins = "the full run does not hold" if feasible else "nothing is feasible"
-        return f"{begins}: {'; '.join(broken)}", feasible
+        begins = "the full run does not hold" if self.is_feasible else "nothing is feasible"
+        return f"{begins}: {'; '.join(broken)}", self.is_feasible
 
 
 def design(
@@ -236,7 +234,9 @@ def design(
     checks: list[Check] = []
     while True:
         starts = search.best(ask, starts, margin)
-        check = _checked(name, settings, reduced, asked, starts[0], ask(starts[:1]))
+        found = ask(starts[:1])
+        is_feasible = not goal.broken(found, margin)
+        check = Check(found, is_feasible, *_in_full(name, settings, reduced, asked, starts[0]))
         verdict, is_open = check.verdict(goal)
         logger.info("round %d: %s", len(checks), verdict)
         checks.append(check)
@@ -245,7 +245,8 @@ def design(
         runs = [*(runs or _again(name, settings, model)), check.run]
         model = training.train(name, settings, survey, runs)
         reduced, asked = of_settings(name, settings, survey, model)
-        margin = MARGIN * np.abs(goal.excess(check.full) - goal.excess(ask(starts[:1])))[0]
+        (off,) = goal.excess(check.full) - goal.excess(ask(starts[:1]))
+        margin = off + MARGIN * np.abs(off)
 
 
 def _starts(search, answers, ask):
@@ -259,23 +260,28 @@ def _starts(search, answers, ask):
     return points[goal.order(goal.objective(answers), goal.excess(answers))[:STARTS]]
 
 
-def _checked(name, settings, reduced, asked, point, found):
+def _in_full(name, settings, reduced, asked, point):
+    """Quantities of the full run at a point, its fields, and the true error of the query there."""
     values = dict(zip(settings["parameters"], map(float, point), strict=True))
     full = {parameter: np.array([value]) for parameter, value in values.items()}
     try:
         scene, fields, norms = validation.in_full(name, settings, values)
     except Breakdown as error:
-        unknown = {word: np.full_like(found[word], np.nan) for word in asked}
-        reason = np.array([str(error)], object)
-        return Check(found, {**full, **unknown, "reason": reason}, {}, np.nan)
+        times = reduced.operators.nominal.error_times
+        unknown = {
+            word: np.full((1, times.size) if question.is_curve else 1, np.nan)
+            for word, question in asked.items()
+        }
+        return {**full, **unknown, "reason": np.array([str(error)], object)}, {}, np.nan
     for word, question in asked.items():
         full[word] = np.array([question.of_fields(scene, fields, norms**2 / 2)], float)
-    true_error = np.nan
-    if not found["reason"][0]:
+    try:
         answer = reduced.answer(values)
         true_error = validation.true_error(reduced.operators, answer, scene, fields, norms)
+    except ValueError:  # a query that fails has its reason beside it
+        true_error = np.nan
     full["reason"] = np.array([""], object)
-    return Check(found, full, fields | {"point": point}, true_error)
+    return full, fields | {"point": point}, true_error
 
 
 def _again(name, settings, model):

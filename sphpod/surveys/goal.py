@@ -70,8 +70,8 @@ class Goal:
     def values(self, found: Arrays, name: str) -> np.ndarray:
         """Values of answers (queries,), NaN where there is none."""
         given = np.asarray(found[name], float)
-        answered = ~np.asarray(found["reason"]).astype(bool)
-        return np.where(np.isnan(given) & answered, self.late, given)
+        failed = np.asarray(found["reason"]).astype(bool)
+        return np.where(failed, np.nan, np.where(np.isnan(given), self.late, given))
 
     def objective(self, found: Arrays) -> np.ndarray:
         """What is to be as small as can be, in spreads, (queries,)."""
@@ -91,10 +91,14 @@ class Goal:
         rows = np.stack(columns, axis=1) if columns else np.zeros((count, 0))
         return np.where(np.isnan(rows), REFUSED, rows)
 
-    def broken(self, found: Arrays) -> list[str]:
-        """What of one answer passes its level or misses the value to be reached, in words."""
+    def broken(self, found: Arrays, margin: float | np.ndarray = 0.0) -> list[str]:
+        """What of one answer passes its level or misses the value to be reached, in words.
+
+        The margin (levels,) is added to the excess over each level.
+        """
         told = []
-        for (name, sign, level), over in zip(self.levels, self.excess(found)[0], strict=True):
+        excess = self.excess(found)[0] + margin
+        for (name, sign, level), over in zip(self.levels, excess, strict=True):
             if over > SLACK:
                 side = "at most" if sign > 0 else "at least"
                 told.append(f"{name} = {found[name][0]:.8g}, to be {side} {level:g}")
