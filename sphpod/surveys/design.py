@@ -91,28 +91,34 @@ class Search:
 
     def __init__(self, ranges: samples.Ranges, keys: Mapping[str, Any], goal: Goal) -> None:
         self.ranges, self.goal = ranges, goal
-        self.chosen = [n for n, name in enumerate(ranges) if name not in keys["given"]]
         self._given = np.array([keys["given"].get(name, np.nan) for name in ranges])
+        self._chosen = np.isnan(self._given)
+        self._is_logarithmic = np.array(
+            [given["scale"] == "logarithmic" for given in ranges.values()]
+        )
+        self._ends = np.array([given["range"] for given in ranges.values()], float).T
         self.tried: list[tuple[int, dict[str, np.ndarray]]] = []
         self.round = 0
 
     def at_given(self, points: np.ndarray) -> np.ndarray:
         """Points (n, parameters) at the values of the parameters that are given."""
-        return np.where(np.isnan(self._given), points, self._given)
+        return np.where(self._chosen, points, self._given)
 
-    def _point(self, unit):
-        whole = np.zeros((1, len(self.ranges)))
-        whole[0, self.chosen] = unit
-        return self.at_given(samples.spread(self.ranges, whole))[0]
+    def _scaled(self, points):
+        return np.log(points, out=np.array(points), where=self._is_logarithmic)
 
     def _unit(self, point):
-        """Places of the chosen parameters within their ranges."""
-        places = []
-        for value, given in zip(point, self.ranges.values(), strict=True):
-            change = np.log if given["scale"] == "logarithmic" else float
-            low, high, now = (change(each) for each in (*given["range"], value))
-            places.append((now - low) / (high - low))
-        return np.clip(places, 0, 1)[self.chosen]
+        """Places of the chosen parameters within their ranges, or those of the logarithms."""
+        low, high = self._scaled(self._ends)
+        return np.clip((self._scaled(point) - low) / (high - low), 0, 1)[self._chosen]
+
+    def _point(self, unit):
+        low, high = self._scaled(self._ends)
+        place = np.zeros(len(self.ranges))
+        place[self._chosen] = unit
+        scaled = low + place * (high - low)
+        values = np.exp(scaled, out=scaled, where=self._is_logarithmic)
+        return self.at_given(np.clip(values, *self._ends))
 
     def best(self, ask: Any, starts: np.ndarray, margin: np.ndarray) -> np.ndarray:
         """The best points (starts, parameters), one from each start, the best of all first.
@@ -148,7 +154,7 @@ class Search:
                 known[key] = self.goal.objective(found)[0], self.goal.excess(found)[0] + margin
             return known[key]
 
-        count = len(self.chosen)
+        count = np.count_nonzero(self._chosen)
         minimize(
             lambda unit: asked(unit)[0],
             self._unit(start),
