@@ -195,10 +195,10 @@ class Check:
     def verdict(self, goal: Goal) -> tuple[str, bool]:
         """What comes of it, in words, and whether training with it may change that."""
         broken = goal.broken(self.full)
-        if not self.run or not broken:
-            return str(self.full["reason"][0]) or "the full run holds", False
+        if not broken:
+            return "the full run holds", False
         begins = "the full run does not hold" if self.is_feasible else "nothing is feasible"
-        return f"{begins}: {'; '.join(broken)}", self.is_feasible
+        return f"{begins}: {'; '.join(broken)}", self.is_feasible and bool(self.run)
 
 
 def design(

@@ -92,10 +92,12 @@ class Goal:
         return np.where(np.isnan(rows), REFUSED, rows)
 
     def broken(self, found: Arrays, margin: float | np.ndarray = 0.0) -> list[str]:
-        """What of one answer passes its level or misses the value to be reached, in words.
+        """Why one answer is none, or what of it passes a level or misses its value, in words.
 
         The margin (levels,) is added to the excess over each level.
         """
+        if found["reason"][0]:
+            return [str(found["reason"][0])]
         told = []
         excess = self.excess(found)[0] + margin
         for (name, sign, level), over in zip(self.levels, excess, strict=True):

@@ -138,19 +138,29 @@ def test_a_line_that_may_fold_is_no_optimum() -> None:
     fast = {
         "initial_velocity": "speed*sin(2*pi*x/L)",
         "youngs_modulus": "0.1",
-        "damping": "0.1",
-        "parameters": {"speed": {"nominal": 0.01, "range": [0.01, 1]}},
+        "parameters": {
+            "speed": {"nominal": 0.01, "range": [0.01, 1]},
+            "decay": {"nominal": 0.1, "range": [0, 0.2]},
+        },
     }
     few = {"training": {"count": 4, "method": "greedy"}}
-    resolved = load([], settings(fast, design={"maximise": "speed"}, **few))
-    survey = resolved["surveys"]["graded"]
-    physics = samples.survey_settings(resolved["scenes"]["bar"], survey)
-    model = training.train_greedily("bar", physics, survey)
-    answers = jobs.queries("bar", physics, survey, model, 0)
-    found = jobs.designed("bar", physics, survey, model, answers)
+
+    def fastest(**keys):
+        resolved = load([], settings(fast, design=keys, **few))
+        survey = resolved["surveys"]["graded"]
+        physics = samples.survey_settings(resolved["scenes"]["bar"], survey)
+        model = training.train_greedily("bar", physics, survey)
+        answers = jobs.queries("bar", physics, survey, model, 0)
+        return jobs.designed("bar", physics, survey, model, answers)
+
+    found = fastest(maximise="speed")
     assert found["reason"][-1] == ""
     assert found["holds"][-1]
-    assert answers["speed"].max() > found["speed"][-1] > 0.1
+    assert 0.1 < found["speed"][-1] < 1
+    broken = fastest(minimise="last", given={"speed": 1.0})
+    assert not broken["holds"].any()
+    assert "nothing is feasible: scene bar: " in broken["verdict"][-1]
+    assert np.isnan(broken["last_full"][-1])
 
 
 def test_all_queries_of_the_search_lie_within_the_ranges() -> None:
