@@ -1,4 +1,4 @@
-"""Make the pictures of the documents anew from the figures of a full run, benchmarks and surveys."""
+"""Make the pictures of the documents anew from the figures of full runs, benchmarks and surveys."""
 
 import sys
 from pathlib import Path
