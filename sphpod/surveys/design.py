@@ -11,7 +11,7 @@ What is better, and by how much, says `sphpod.surveys.goal`.
 """
 
 import logging
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -207,7 +207,7 @@ def design(
     survey: Mapping[str, Any],
     model: Arrays,
     answers: Arrays,
-    runs: Sequence[Arrays] = (),
+    runs: Iterable[Arrays] = (),
 ) -> dict[str, np.ndarray]:
     """The optimum of each round, by the reduced model and in full; the last one is the answer.
 
@@ -217,8 +217,8 @@ def design(
         As of any query.
     answers : dict
         Of the queries, the best of which the search starts from.
-    runs : sequence of dicts
-        The training runs; made again, if they are needed and not given.
+    runs : iterable of dicts
+        The training runs, read where they are needed; made again then, if there are none.
 
     Returns
     -------
@@ -238,6 +238,7 @@ def design(
 
     starts, margin = _starts(search, answers, ask), np.zeros(len(goal.levels))
     checks: list[Check] = []
+    trained: list[Arrays] = []
     while True:
         starts = search.best(ask, starts, margin)
         found = ask(starts[:1])
@@ -248,8 +249,8 @@ def design(
         checks.append(check)
         if not is_open or len(checks) > keys["rounds"]:
             return _arrays(checks, search)
-        runs = [*(runs or _again(name, settings, model)), check.run]
-        model = training.train(name, settings, survey, runs)
+        trained = [*(trained or list(runs) or _again(name, settings, model)), check.run]
+        model = training.train(name, settings, survey, trained)
         reduced, asked = of_settings(name, settings, survey, model)
         (off,) = goal.excess(check.full) - goal.excess(ask(starts[:1]))
         margin = off + MARGIN * np.abs(off)
@@ -283,7 +284,8 @@ def _in_full(name, settings, reduced, asked, point):
         full[word] = np.array([question.of_fields(scene, fields, norms**2 / 2)], float)
     try:
         answer = reduced.answer(values)
-        true_error = validation.true_error(reduced.operators, answer, scene, fields, norms)
+        reduced_fields = validation.fields_of(reduced.operators, answer, values)
+        true_error = validation.relative_error(scene, fields, *reduced_fields)
     except ValueError:  # a query that fails has its reason beside it
         true_error = np.nan
     full["reason"] = np.array([""], object)

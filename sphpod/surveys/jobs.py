@@ -4,7 +4,7 @@ Functions are given the name and settings of the scene and the settings of the s
 read as arrays, by the names of the rule's inputs.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -58,7 +58,7 @@ def designed(
     survey: Settings,
     model: Arrays,
     answers: Arrays,
-    runs: Sequence[Arrays] = (),
+    runs: Iterable[Arrays] = (),
 ) -> dict:
     """Optima of a survey, and their full runs."""
     return design.design(name, settings, survey, model, answers, runs)

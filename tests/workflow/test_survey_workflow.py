@@ -82,7 +82,8 @@ def test_a_survey_without_a_design_has_no_job_for_it(surveyed) -> None:
     arguments = "--dry-run", "--config", plain, "--"
     planned = snakemake(surveyed, *arguments, "surveys").stdout
     assert "Survey plain: all queries" in planned
-    assert "design" not in planned
+    assert "Survey plain: design" not in planned
+    assert "plain/design" not in planned
     run = snakemake(surveyed, *arguments, "small/results/surveys/plain/design.csv")
     assert run.returncode != 0
     assert "survey with a design = plain: allowed are graded_bar" in run.stderr
