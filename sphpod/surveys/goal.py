@@ -18,8 +18,11 @@ Arrays = Mapping[str, np.ndarray]
 SLACK = 1e-6
 """Part of a spread by which a level may be passed: no search ends upon it exactly."""
 
-REFUSED = 10.0
-"""What a query without an answer counts as, in spreads."""
+VARIES = 1e-6
+"""Part of a quantity's size from which on a spread is not taken for rounding."""
+
+REFUSED = 10 / VARIES
+"""What a query without an answer counts as, in spreads: more than any that has one."""
 
 
 @dataclass(frozen=True)
@@ -78,7 +81,7 @@ class Goal:
         name, sign, target = self.sought
         value = self.values(found, name) / self.scales[name]
         if target is not None:
-            value = (value - target / self.scales[name]) ** 2
+            value = np.abs(value - target / self.scales[name])
         return np.where(np.isnan(value), REFUSED, sign * value)
 
     def excess(self, found: Arrays) -> np.ndarray:
@@ -105,7 +108,7 @@ class Goal:
                 side = "at most" if sign > 0 else "at least"
                 told.append(f"{name} = {found[name][0]:.8g}, to be {side} {level:g}")
         name, _, target = self.sought
-        if target is not None and not self.objective(found)[0] <= self.tolerance**2:
+        if target is not None and not self.objective(found)[0] <= self.tolerance:
             told.append(f"{name} = {found[name][0]:.8g}, to be {target:g}")
         return told
 
@@ -117,11 +120,15 @@ class Goal:
 
 
 def scales(ranges: Ranges, found: Arrays) -> dict[str, float]:
-    """Spread of all numbers: of a parameter its range, of a quantity that over the queries."""
+    """Spread of all numbers: of a parameter its range, of a quantity that over the queries.
+
+    Of what no parameter changes but by rounding it is the size.
+    """
     spread = {name: given["range"][1] - given["range"][0] for name, given in ranges.items()}
     for name in found:
         if name not in spread and np.ndim(found[name]) == 1 and f"{name}_low" in found:
             known = found[name][np.isfinite(found[name])]
-            size = np.ptp(known) if known.size else 0.0
-            spread[name] = float(size or np.abs(known).max(initial=0.0) or 1.0)
+            largest = np.abs(known).max(initial=0.0)
+            varies = known.size and np.ptp(known) > VARIES * largest
+            spread[name] = float(np.ptp(known) if varies else largest or 1.0)
     return spread

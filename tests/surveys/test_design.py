@@ -10,7 +10,8 @@ from survey_cases import SCENE, settings
 
 from sphpod.config.config import load
 from sphpod.surveys import jobs, samples, tables, training, validation
-from sphpod.surveys.answers import of_settings
+from sphpod.surveys.answers import answer_all, of_settings
+from sphpod.surveys.goal import Goal, scales
 
 OTHERS = {"stiffness": 0.1, "contrast": 0.3}
 LEVEL = 2e-7
@@ -73,6 +74,31 @@ def test_no_full_run_on_a_grid_is_better() -> None:
     assert found["holds"][-1]
     assert 0 < len(within) < len(grid)
     assert found["peak_full"][-1] <= min(full("peak", **p) for p in within)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_no_query_on_a_grid_is_better_than_a_random_design(seed) -> None:
+    random = np.random.default_rng(seed)
+    _, _, (physics, survey, model, answers) = designed({"minimise": "last"})
+    reduced, asked = of_settings("bar", physics, survey, model)
+    ranges = physics["parameters"]
+    grid = answer_all(reduced, asked, samples.points(ranges, {"grid": dict.fromkeys(ranges, 6)}), 1)
+    sought, *others = random.permutation(["peak", "last", *ranges])[:3].tolist()
+    sides = random.choice(["at_most", "at_least"], 2).tolist()
+    levels = [float(np.quantile(grid[name], random.uniform(0.2, 0.8))) for name in others]
+    keys = {
+        str(random.choice(["minimise", "maximise"])): sought,
+        "where": {
+            name: {side: level} for name, side, level in zip(others, sides, levels, strict=True)
+        },
+    }
+    found, _, _ = designed(keys)
+    goal = Goal(keys, scales(ranges, answers), 2.0, 1e-2)
+    within = goal.excess(grid).max(axis=1) <= 0
+    last = {name: found[name][-1:] for name in (*goal.names, "reason")}
+    assert found["holds"][-1] == within.any()
+    best = goal.objective(grid)[within].min(initial=np.inf)
+    assert not within.any() or goal.objective(last)[0] <= best + 1e-3
 
 
 @pytest.mark.parametrize("goal", ["minimise", "maximise"])
