@@ -74,7 +74,7 @@ def full_variables(asked: Mapping[str, Question]) -> dict[str, Variable]:
 
 
 class Search:
-    """Queries of a reduced model, each better than those before.
+    """The search for the best queries of a reduced model.
 
     Parameters
     ----------

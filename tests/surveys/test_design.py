@@ -1,6 +1,8 @@
 """Designs: the optimum of the full model, retrained where it must be, or said to be none."""
 
 import json
+import subprocess
+import sys
 from functools import cache
 
 import numpy as np
@@ -9,6 +11,7 @@ from scipy.optimize import brentq
 from survey_cases import SCENE, settings
 
 from sphpod.config.config import load
+from sphpod.pipeline import provenance
 from sphpod.surveys import jobs, samples, tables, training, validation
 from sphpod.surveys.answers import answer_all, of_settings
 from sphpod.surveys.goal import Goal, scales
@@ -198,3 +201,11 @@ def test_all_queries_of_the_search_lie_within_the_ranges() -> None:
     rows = tables.design(found)
     assert {"round", "decay", "peak_full", "holds", "verdict"} <= {*rows}
     assert SCENE["parameters"].keys() <= rows.keys()
+
+
+def test_a_survey_without_a_design_depends_on_nothing_of_it() -> None:
+    for job in ("training_run", "model", "queries", "answers", "validated", "shared_out"):
+        used = map(str, provenance.closure(f"surveys.jobs.{job}"))
+        assert not any("surveys.design" in name or "surveys.goal" in name for name in used), job
+    code = "import sys, sphpod.surveys.jobs; assert 'scipy.optimize' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
