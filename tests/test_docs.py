@@ -405,6 +405,8 @@ def test_pictures_are_small_and_of_figures(paper):
     shown += re.findall(r"!\[[^\]]+\]\(images/(benchmark_.+)\.png\)", measured)
     studied = DOCUMENTS["docs/stability.md"]
     shown += re.findall(r"!\[[^\]]+\]\(images/(stability_.+)\.png\)", studied)
+    surveyed = DOCUMENTS["docs/parameter-studies.md"]
+    shown += re.findall(r"!\[[^\]]+\]\(images/(survey_.+)\.png\)", surveyed)
     pictures = {path.stem: path for path in (ROOT / "docs" / "images").glob("*.png")}
     assert set(pictures) == set(shown)
     assert all(path.stat().st_size < 150_000 for path in pictures.values())

@@ -1,4 +1,4 @@
-"""Make the pictures of the documents anew from the figures of a full run and of the benchmarks."""
+"""Make the pictures of the documents anew from the figures of full runs, benchmarks and surveys."""
 
 import sys
 from pathlib import Path
@@ -10,14 +10,24 @@ ROOT = HERE.parents[1]
 WIDTH = 720  # pixels: a column of print, twice as large
 MOVING = "figures/ten_harmonics/uniform100/k12.gif"
 
+
+def source(picture: Path) -> str:
+    """The figure that a picture is made of: of a survey, survey_{survey}_{drawing}.png."""
+    if not picture.stem.startswith("survey_"):
+        return f"figures/{picture.name}"
+    survey, drawing = picture.stem.removeprefix("survey_").rsplit("_", 1)
+    return f"studied/results/surveys/{survey}/{drawing}.png"
+
+
 if __name__ == "__main__":
     pictures = sorted(HERE.glob("*.png"))
-    sources = [f"figures/{path.name}" for path in pictures]
+    sources = [source(path) for path in pictures]
     missing = [name for name in (*sources, MOVING) if not (ROOT / name).exists()]
     if missing:
         sys.exit(
             f"pictures: missing are {', '.join(missing)}; they are made by: make figures, then "
-            f"snakemake --cores 2 benchmarks stability {MOVING}"
+            f"snakemake --cores 2 benchmarks stability {MOVING}, and "
+            "snakemake --cores 2 surveys --configfile config/surveys.yaml"
         )
     for path, source in zip(pictures, sources, strict=True):
         with Image.open(ROOT / source) as figure:

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from sphpod.config.design_section import Design, resolved_design
 from sphpod.config.fields import (
     BY_SHAPE,
     LARGEST_SEED,
@@ -44,11 +45,16 @@ TAKEN = (
     *("velocity_modes", "stress_modes", "translation", "mode_count", "training_points"),
     *("contender", "integrator", "contender_mode_count", "contender_time_step", "query_error"),
     *("query_seconds", "training_seconds", "break_even", "break_even_unbounded"),
+    *("round", "holds", "verdict", "designed"),
+    *(f"evaluation{end}" for end in ("", "_round", "_point", "_value", "_excess")),
 )
 """Names in the results of a survey."""
 
 TAKEN_FROM_PARAMETERS = (*TAKEN, "velocity", "strain", "point", "extrapolate")
 """Names that no parameter of a survey has: those, of its training runs, and of calls to it."""
+
+ENDS = "_low", "_high", "_full"
+"""What is added to the name of a quantity for its interval, and for its value of a full run."""
 
 
 class Training(Section):
@@ -242,6 +248,10 @@ class Survey(Section):
         description="turns in which the costs of queries and of the training are timed, by full "
         "and reduced models; 0 for none, default 0",
     )
+    design: Design = left_out(
+        description="the best values of the parameters: what is to be minimised, maximised or "
+        "reached, and within which levels"
+    )
 
 
 def resolved_surveys(
@@ -315,6 +325,10 @@ def _resolved(name, survey, scenes, memory):
         word: (Quantity if quantity["kind"] in energies else Sensed).default_keys() | quantity
         for word, quantity in survey["quantities"].items()
     }
+    if "design" in survey:
+        resolved["design"] = resolved_design(
+            f"{key}.design", survey["design"], survey, settings["parameters"]
+        )
     return resolved
 
 
@@ -367,11 +381,12 @@ def _count_queries(key, queries, parameters):
 
 def _check_name(key, word, parameters, others):
     """Refuse a quantity whose name another variable of the results has."""
-    ends = [word.removesuffix(end) for end in ("_low", "_high") if word.endswith(end)]
-    if word in (*TAKEN, *parameters) or any(one in others for one in ends):
+    ends = [word.removesuffix(end) for end in ENDS if word.endswith(end)]
+    made = [f"{word}{end}" for end in ENDS]
+    if word in (*TAKEN, *parameters) or {*ends} & {*others} or {*made} & {*parameters}:
         allowed = (
             f"this name is taken in the results; allowed are others than {', '.join(TAKEN)}, "
-            "parameters, and those of intervals, which end with _low or _high"
+            f"parameters, and those of another with {', '.join(ENDS)} at the end"
         )
         raise refusal(None, key, word, allowed)
 

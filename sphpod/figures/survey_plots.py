@@ -216,6 +216,43 @@ def indices(indices: Arrays) -> Figure:
 
 
 @styled
+def design(design: Arrays, keys: Mapping[str, Any], labels: Mapping[str, str]) -> Figure:
+    """What is sought and what keeps to levels along the search, with full runs at the optima.
+
+    Parameters
+    ----------
+    design : dict
+    keys : dict
+        The design in the configuration.
+    labels : dict
+        Label of each quantity; a parameter has its name.
+    """
+    names = design["designed"]
+    figure = Figure(figsize=(COLUMN_WIDTH, 0.6 + PANEL * len(names)), layout="constrained")
+    panels = np.atleast_1d(figure.subplots(len(names), 1, sharex=True))
+    number = np.arange(1, design["evaluation_excess"].size + 1)
+    within = design["evaluation_excess"] <= 1e-6
+    ends = number[np.flatnonzero(np.diff(design["evaluation_round"], append=np.inf))]
+    levels = {
+        **keys["where"],
+        **{name: {"": value} for name, value in keys.get("reach", {}).items()},
+    }
+    for axes, name, values in zip(panels, names, design["evaluation_value"].T, strict=True):
+        for which, color, label in ((~within, GREY, "beyond a level"), (within, BLUE, "within")):
+            axes.plot(number[which], values[which], ".", color=color, markersize=3, label=label)
+        in_full = design.get(f"{name}_full", design.get(name))
+        axes.plot(ends, in_full, "o", color=BLACK, markerfacecolor="none", label="full run")
+        for level in levels.get(name, {}).values():
+            axes.axhline(level, color=VERMILLION, linestyle="--", linewidth=0.8, label="level")
+        axes.set_ylabel(labels.get(name, name))
+    panels[-1].set_xlabel("query of the search")
+    shown = {label: handle for axes in panels for handle, label in
+             zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
+    figure.legend(shown.values(), shown.keys(), loc="outside upper center", ncols=4, markerscale=2)
+    return figure
+
+
+@styled
 def errors(validation: Arrays, tolerance: float) -> Figure:
     """True error, estimate and bound of queries that were solved in full, by rising error."""
     order = np.argsort(validation["true_error"])

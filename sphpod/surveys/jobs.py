@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.pipeline.dataset import Variable
-from sphpod.surveys import cost, responses, samples, sensitivity, training, validation
+from sphpod.surveys import cost, design, responses, samples, sensitivity, training, validation
 from sphpod.surveys.answers import (
     OF_QUERY,
     answer_all,
@@ -56,6 +56,18 @@ def validated(name: str, settings: Settings, survey: Settings, model: Arrays) ->
     return validation.validate(name, settings, survey, model)
 
 
+def designed(
+    name: str,
+    settings: Settings,
+    survey: Settings,
+    model: Arrays,
+    answers: Arrays,
+    runs: Iterable[Arrays] = (),
+) -> dict:
+    """Optima of a survey, and their full runs."""
+    return design.design(name, settings, survey, model, answers, runs)
+
+
 def shared_out(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
     """Sobol indices of the quantities of a survey."""
     return sensitivity.share_out(name, settings, survey, model)
@@ -92,6 +104,8 @@ def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Varia
         **sensitivity.VARIABLES,
         **cost.VARIABLES,
         **responses.VARIABLES,
+        **design.VARIABLES,
+        **design.full_variables(asked),
         **OF_QUERY,
         **variables(asked, settings["parameters"]),
     }

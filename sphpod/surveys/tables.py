@@ -47,6 +47,16 @@ def indices(found: Arrays) -> Rows:
     return rows | {name: values.ravel() for name, values in found.items() if values.shape == shape}
 
 
+def design(found: Arrays) -> Rows:
+    """One row a round, of all that are numbers."""
+    rounds = found["round"].size
+    return {
+        name: values
+        for name, values in found.items()
+        if values.shape == (rounds,) and not name.startswith(("designed", "evaluation"))
+    }
+
+
 def validation(found: Arrays) -> Rows:
     """One row a query that was solved in full."""
     return dict(found)

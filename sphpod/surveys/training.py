@@ -48,7 +48,8 @@ def training_points(survey: Mapping[str, Any], ranges: samples.Ranges) -> np.nda
     return samples.points(ranges, survey["training"])
 
 
-def _run_at(name, settings, point):
+def run_at(name: str, settings: Mapping[str, Any], point: np.ndarray) -> dict[str, np.ndarray]:
+    """As `run`, at a point (parameters,) of one's own."""
     values = _values(settings, point)
     try:
         found = lifted.solve(samples.scene_at(name, settings, values), "exact")
@@ -70,7 +71,7 @@ def run(
     dict
         t, x, velocity and strain (times, N), and point (parameters,).
     """
-    return _run_at(name, settings, training_points(survey, settings["parameters"])[number])
+    return run_at(name, settings, training_points(survey, settings["parameters"])[number])
 
 
 def _values(settings, point):
@@ -120,7 +121,7 @@ def train_greedily(
     candidates = samples.points(ranges, drawn)
     runs, point = [], np.array([float(given["nominal"]) for given in ranges.values()])
     while True:
-        runs.append(_run_at(name, settings, point))
+        runs.append(run_at(name, settings, point))
         found = train(name, settings, survey, runs)
         if len(runs) == keys["count"] or not len(candidates):
             return found

@@ -81,15 +81,27 @@ def _row(name, settings, reduced, asked, point):
     values = dict(zip(settings["parameters"], map(float, point), strict=True))
     answer = reduced.answer(values)
     check_folds(reduced.operators, answer, values)
-    scene = samples.scene_at(name, settings, values)
-    full = lifted.solve(scene, "exact")
-    norms = _norms(scene, full["velocity"], full["strain"])
+    scene, full, norms = in_full(name, settings, values)
     true = relative_error(scene, full, *fields_of(reduced.operators, answer, values))
     held = all(
         _holds(question, question.answer(answer, values), scene, full, norms)
         for question in asked.values()
     )
     return true, answer.estimate, answer.relative_bound, held
+
+
+def in_full(
+    name: str, settings: Mapping[str, Any], values: Values
+) -> tuple[Scene, dict[str, np.ndarray], np.ndarray]:
+    """Scene, fields (times, N) and energy norms (times,) of the lifted full model, exact in time.
+
+    Raises
+    ------
+    Breakdown
+    """
+    scene = samples.scene_at(name, settings, values)
+    full = lifted.solve(scene, "exact")
+    return scene, full, _norms(scene, full["velocity"], full["strain"])
 
 
 def relative_error(

@@ -8,7 +8,7 @@ from survey_cases import SCENE, SURVEY, settings
 from sphpod.config import survey_section
 from sphpod.config.config import ConfigError, load
 from sphpod.scene.scene import Scene, physical_settings
-from sphpod.surveys import answers, responses, sensitivity, training, validation
+from sphpod.surveys import answers, design, responses, sensitivity, training, validation
 
 
 def refused(changed):
@@ -27,12 +27,22 @@ def with_quantity(**given):
     return settings(quantities={"one": given})
 
 
+def with_design(**given):
+    return settings(design={"minimise": "decay"} | given)
+
+
 def test_defaults_are_filled_in() -> None:
     survey = load([], settings())["surveys"]["graded"]
     assert survey["tolerance"] == 1e-2
     assert survey["training"] == {"count": 8, "method": "sobol", "seed": 0}
     assert survey["queries"] == {"count": 16, "sampling": "sobol", "seed": 0}
     assert survey["quantities"]["sensor"]["field"] == "velocity"
+
+
+def test_a_design_has_defaults_and_a_survey_without_one_has_none() -> None:
+    survey = load([], with_design())["surveys"]["graded"]
+    assert survey["design"] == {"minimise": "decay", "where": {}, "given": {}, "rounds": 3}
+    assert "design" not in load([], settings())["surveys"]["graded"]
 
 
 def test_a_configuration_without_surveys_has_none() -> None:
@@ -91,6 +101,29 @@ def test_what_a_scene_depends_on_holds_no_ranges() -> None:
         (settings(output_interval=0.003), "a whole number of time steps"),
         (settings(quantities={"t": {"kind": "energy"}}), "this name is taken in the results"),
         (settings(quantities={"decay": {"kind": "energy"}}), "this name is taken in the results"),
+        (
+            settings(quantities={"a": {"kind": "energy"}, "a_full": {"kind": "energy"}}),
+            "with _low, _high, _full at the end",
+        ),
+        (settings(design={}), "it needs one of minimise, maximise, reach, and only one"),
+        (with_design(maximise="peak"), "it needs one of minimise, maximise, reach, and only one"),
+        (with_design(minimize="peak"), "unknown key, did you mean minimise?"),
+        (with_design(minimise="peek"), "allowed are peak, last, stiffness, contrast, decay"),
+        (with_design(minimise="sensor"), "it is a history, and no single number; allowed are peak"),
+        (with_design(where={"peek": {"at_most": 1}}), "design.where = peek: it is neither"),
+        (with_design(where={"peak": {}}), "design.where.peak = {}: it needs at_most, at_least"),
+        (with_design(where={"peak": {"at_most": 1, "at_least": 2}}), "not be above at_most"),
+        (with_design(where={"peak": {"below": 1}}), "unknown key"),
+        (with_design(given={"stiff": 1}), "no such parameter; allowed are stiffness"),
+        (with_design(given={"stiffness": 1}), "given.stiffness = 1: it must lie in the range 0.05"),
+        (with_design(given={"decay": 1}), "it is what the design looks for, and cannot be given"),
+        (
+            settings(design={"minimise": "peak", "given": dict.fromkeys(SCENE["parameters"], 0.1)}),
+            "a parameter must be left to choose",
+        ),
+        (settings(design={"reach": {"peak": 1, "last": 1}}), "design.reach"),
+        (settings(design={"reach": {"peek": 1}}), "design.reach = peek: it is neither a quantity"),
+        (with_design(rounds=-1), "it must be at least 0"),
         (settings(quantities={"inside": {"kind": "energy"}}), "this name is taken in the results"),
         (with_quantity(kind="energi"), "allowed are history, value"),
         (with_quantity(kind="energy", place=1), "a quantity of kind energy has no such key"),
@@ -181,5 +214,6 @@ def test_no_parameter_has_a_name_of_the_results(name) -> None:
 def test_all_names_of_the_results_are_taken() -> None:
     written = {**training.MODEL_VARIABLES, **validation.VARIABLES, **sensitivity.VARIABLES,
                **responses.VARIABLES}  # fmt: skip
+    written |= design.VARIABLES
     assert {*written, *answers.OF_QUERY} <= {*survey_section.TAKEN}
     assert {*training.RUN_VARIABLES} <= {*survey_section.TAKEN_FROM_PARAMETERS}

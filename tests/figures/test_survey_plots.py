@@ -88,3 +88,22 @@ def test_cost() -> None:
     check_layout(figure)
     marks = [line for line in figure.axes[0].lines if line.get_marker() == "o"]
     assert [np.size(line.get_xdata()) for line in marks] == [2, 1, 0]
+
+
+def test_design() -> None:
+    found = {
+        "designed": np.array(["decay", "peak"]),
+        "decay": np.array([0.7, 0.8]),
+        "peak_full": np.array([2.1e-2, 2e-2]),
+        "evaluation_round": np.repeat([0, 1], [20, 10]),
+        "evaluation_excess": np.where(np.arange(30) % 3, 0, 0.1),
+        "evaluation_value": np.stack([np.linspace(0, 1, 30), np.linspace(4e-2, 2e-2, 30)], axis=1),
+    }
+    keys = {"minimise": "decay", "where": {"peak": {"at_most": 2e-2}}}
+    check_layout(survey_plots.design(found, keys, LABELS))
+    alone = {
+        **found,
+        "designed": np.array(["peak"]),
+        "evaluation_value": found["evaluation_value"][:, 1:],
+    }
+    check_layout(survey_plots.design(alone, {"reach": {"peak": 2e-2}, "where": {}}, LABELS))

@@ -46,9 +46,9 @@ def surveyed(tmp_path_factory):
 
 def test_a_survey_gives_answers_tables_and_figures(surveyed) -> None:
     names = {path.name for path in (surveyed / FOLDER).iterdir()}
-    names_of = "answers", "quantiles", "indices", "validation", "cost"
+    names_of = "answers", "quantiles", "indices", "validation", "cost", "design"
     tables = {f"{name}.csv" for name in names_of}
-    shown = "responses", "sections", "surfaces", "histograms", "indices", "errors", "cost"
+    shown = "responses", "sections", "surfaces", "histograms", "indices", "errors", "cost", "design"
     drawn = {f"{name}.png" for name in shown}
     assert tables | drawn <= names
     answers = dataset.read(surveyed / FOLDER / "answers.nc")
@@ -69,6 +69,28 @@ def test_the_bound_holds_where_queries_are_solved_in_full(surveyed) -> None:
     found = dataset.read(surveyed / FOLDER / "validation.nc")
     assert (found["effectivity"] >= 1).all()
     assert found["inside"].all()
+
+
+def test_the_full_run_holds_at_the_design(surveyed) -> None:
+    found = dataset.read(surveyed / FOLDER / "design.nc")
+    assert found["holds"][-1]
+    assert found["final_energy_full"][-1] <= 1.6e-7 * (1 + 1e-6)
+    assert found["stiffness"][-1] == 0.1
+
+
+def test_a_survey_without_a_design_has_no_job_for_it(surveyed) -> None:
+    plain = (
+        "surveys={plain: {scene: graded, training: {count: 1}, mode_count: 4, "
+        "output_interval: 0.05, queries: {count: 2}, quantities: {final_energy: {kind: energy}}}}"
+    )
+    arguments = "--dry-run", "--config", plain, "--"
+    planned = snakemake(surveyed, *arguments, "surveys").stdout
+    assert "Survey plain: all queries" in planned
+    assert "Survey plain: design" not in planned
+    assert "plain/design" not in planned
+    run = snakemake(surveyed, *arguments, "small/results/surveys/plain/design.csv")
+    assert run.returncode != 0
+    assert "survey with a design = plain: allowed are graded_bar" in run.stderr
 
 
 def test_a_lost_chunk_is_made_anew_alone_and_bytes_depend_on_no_chunk_size(surveyed) -> None:

@@ -57,6 +57,18 @@ def training_files(wildcards):
     return [f"<results>/surveys/{wildcards.survey}/training/{n}.nc" for n in range(count)]
 
 
+def design_inputs(wildcards):
+    """What a design begins with: the modes, the queries, and runs to train with once more."""
+    designed = [name for name, survey in SURVEYS.items() if "design" in survey]
+    known("survey with a design", wildcards.survey, designed)
+    folder = f"<results>/surveys/{wildcards.survey}"
+    return {
+        "model": f"{folder}/model.nc",
+        "answers": f"{folder}/answers.nc",
+        "runs": training_files(wildcards),
+    }
+
+
 def chunk_files(wildcards):
     count = survey_jobs.chunk_count(survey_physics(wildcards), SURVEYS[wildcards.survey])
     return [f"<results>/surveys/{wildcards.survey}/queries/{n}.nc" for n in range(count)]
@@ -65,6 +77,7 @@ def chunk_files(wildcards):
 SURVEY_TABLES = {
     "answers": "answers.nc",
     "quantiles": "answers.nc",
+    "design": "design.nc",
     "indices": "indices.nc",
     "validation": "validation.nc",
     "cost": "cost.nc",
@@ -74,6 +87,7 @@ SURVEY_FIGURES = {
     "sections": "sections",
     "surfaces": "surfaces",
     "histograms": "answers",
+    "design": "design",
     "indices": "indices",
     "errors": "validation",
     "cost": "cost",
@@ -106,8 +120,11 @@ def survey_options(wildcards):
         "parameters": SCENES[survey["scene"]]["parameters"],
         "quantities": survey_numbers(wildcards.survey),
         "tolerance": survey["tolerance"],
+        "keys": survey.get("design"),
+        "labels": survey_numbers(wildcards.survey),
     }
     asked = {
+        "design": ("keys", "labels"),
         "responses": ("parameters", "quantities"),
         "sections": ("parameters", "quantities"),
         "surfaces": ("parameters", "quantities"),
@@ -130,6 +147,8 @@ def survey_files(survey):
         drawn, tables = [*drawn, "errors"], [*tables, "validation"]
     if SURVEYS[survey]["cost_repeats"]:
         drawn, tables = [*drawn, "cost"], [*tables, "cost"]
+    if "design" in SURVEYS[survey]:
+        drawn, tables = [*drawn, "design"], [*tables, "design"]
     names = [f"{name}.csv" for name in tables]
     names += [f"{name}.{form}" for name in drawn for form in ("pdf", "png")]
     return [f"<results>/surveys/{survey}/{name}" for name in names]

@@ -78,6 +78,21 @@ rule survey_validation:
         "../scripts/survey.py"
 
 
+rule survey_design:
+    input:
+        unpack(design_inputs),
+    output:
+        f"{SURVEY}/design.nc",
+    log:
+        "<logs>/surveys/{survey}/design.log",
+    params:
+        **of_survey("designed", (*ANSWERED_BY, "queries", "design")),
+    message:
+        "Survey {wildcards.survey}: design by optimisation"
+    script:
+        "../scripts/survey.py"
+
+
 rule survey_indices:
     input:
         model=f"{SURVEY}/model.nc",
