@@ -102,15 +102,7 @@ def study(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
-    """The checks of a scene, a row each, with a verdict: holds, fails or, without limit, reported.
-
-    Parameters
-    ----------
-    place : dict
-        scene.
-    arrays : dict
-        As from `study`.
-    """
+    """The checks of a scene, a row each: holds, fails or, without limit, reported."""
     names = ("check", "check_model", "check_value", "check_limit")
     for what, model, value, limit in zip(*(arrays[name] for name in names), strict=True):
         verdict = "holds" if value <= limit else "fails"

@@ -28,7 +28,7 @@ SHORTEST = 0.02
 TURNS = 3
 """How many turns are taken for one repeat: what is skipped may be a small part of a run."""
 
-Run = Callable[[], object]
+Timed = Callable[[], Any]
 
 
 class Pair(NamedTuple):
@@ -36,8 +36,8 @@ class Pair(NamedTuple):
 
     skipped: str
     model: str
-    without: Run
-    general: Run
+    without: Timed
+    general: Timed
 
 
 @dataclass(frozen=True)
@@ -93,29 +93,23 @@ def _pairs(scene: Scene) -> list[Pair]:
     in_time = Expression(f"({modulus.text}) + 0*t", IN_X_AND_T, modulus.constants)
     stepped = replace(scene, youngs_modulus=in_time)
     undamped, varied = Undamped(**settings), Varied(**settings)
-    kept = np.zeros((2, scene.error_times.size, scene.particle_count))
     last = np.array([0, scene.step_count])
-    ends = np.zeros((2, 2, scene.particle_count))
 
-    def full(case, steps=scene.error_steps, neighbours="stencil", fields=kept):
-        run = sph.prepare(case, steps, neighbours)
-        return lambda: run(*fields)
+    def full(case, steps=scene.error_steps):
+        return sph.prepare(case, steps, "stencil").run
 
     def strained(case):
-        run = lifted.prepare(case, "explicit_euler")
-        return lambda: run(*kept)
+        return lifted.prepare(case, "explicit_euler").run
 
     rows = waves(scene.particle_count, MODES)
 
     def jumping(case):
-        prepared = lifted_rom.LiftedModel(case, rows, rows[1:], 1).prepare("lifted_exact")
-        state, velocity0 = prepared.new_state(), case.velocity0()
-        return lambda: prepared.run(velocity0, state)
+        return lifted_rom.LiftedModel(case, rows, rows[1:], 1).prepare("lifted_exact").run
 
     coarse = replace(scene, particle_count=scene.particle_count // 4)
 
     def found(neighbours):
-        return lambda: sph.prepare(scene, last, neighbours)(*ends)
+        return lambda: sph.prepare(scene, last, neighbours).run()
 
     plain = full(scene)
     return [
@@ -127,7 +121,7 @@ def _pairs(scene: Scene) -> list[Pair]:
         Pair("modulus in time", "lifted full model", strained(scene), strained(stepped)),
         Pair("nonlinearity", "full SPH", strained(scene), plain),
         Pair("neighbour search", "full SPH", found("stencil"), found("lists")),
-        Pair("outputs nobody asked for", "full SPH", full(scene, last, fields=ends), plain),
+        Pair("outputs nobody asked for", "full SPH", full(scene, last), plain),
         Pair(
             "numerical reference",
             "reference solution, N/4",
@@ -143,15 +137,6 @@ def rows(
     """Median times without and with what a scene may lack, their spread, and the median ratio.
 
     The ratio is taken turn by turn, so that it does not drift with the machine's speed.
-
-    Parameters
-    ----------
-    place : dict
-        scene and sampling.
-    measured : dict
-        As from ``measure``.
-    settings : dict
-        Those that a dataset holds; of them, particle_count and the machine.
     """
     columns: dict[str, Any] = {
         "scene": place["scene"],
