@@ -87,7 +87,7 @@ def compute(scene: Scene, taken: Mapping[str, np.ndarray]) -> dict[str, list[np.
 
     Parameters are those of `compare`.
     """
-    scene = _seldom_shown(scene)
+    scene = seldom_shown(scene, INTERVALS)
     runs = {
         f"full SPH, {neighbours}": sph.prepare(scene, scene.error_steps, neighbours)
         for neighbours in ("stencil", "lists")
@@ -142,10 +142,10 @@ def _settings(threads, cores):
                 os.environ[name] = value
 
 
-def _seldom_shown(scene):
-    """The scene with at most `INTERVALS` + 1 outputs."""
+def seldom_shown(scene: Scene, most: int) -> Scene:
+    """The scene with so many outputs after the start, at most."""
     intervals = scene.error_times.size - 1
-    kept = next(n for n in range(min(INTERVALS, intervals), 0, -1) if intervals % n == 0)
+    kept = next(n for n in range(min(most, intervals), 0, -1) if intervals % n == 0)
     return replace(scene, error_interval=scene.duration / kept)
 
 
