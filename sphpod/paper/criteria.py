@@ -97,6 +97,14 @@ def compared(value: float, claim: Mapping[str, Any]) -> Finding:
     return Finding(abs(difference) <= claim.get("tolerance", 0), value, difference)
 
 
+def compared_matrix(columns: np.ndarray, claim: Mapping[str, Any]) -> Finding:
+    """A matrix beside the paper's, its columns with the signs of the paper's."""
+    paper = np.array(claim["paper"])
+    columns = columns * np.sign((columns * paper).sum(axis=0))
+    difference = float(np.abs(columns - paper).max() / np.abs(paper).max())
+    return Finding(difference <= claim.get("tolerance", 0), columns.round(4).tolist(), difference)
+
+
 @criterion(
     "relative L2 error of full SPH in {field} against {reference}: within {tolerance} of the "
     "paper's",
@@ -141,10 +149,7 @@ def mixing_matrix(place, claim, *, harmonics):
     velocity = place["exact"]["velocity"][rows]
     waves = np.sin(2 * np.pi * np.outer(np.arange(1, harmonics + 1), x / (x[1] * x.size)))
     mixing = np.linalg.svd(waves @ velocity.T)[0]
-    paper = np.array(claim["paper"])
-    mixing *= np.sign((mixing * paper).sum(axis=0))
-    difference = float(np.abs(mixing - paper).max() / np.abs(paper).max())
-    return Finding(difference <= claim.get("tolerance", 0), mixing.round(4).tolist(), difference)
+    return compared_matrix(mixing, claim)
 
 
 # Mode counts with which POD works -----------------------------------------------------------------

@@ -17,6 +17,7 @@ from sphpod.paper.criteria import (
     Arrays,
     Finding,
     Place,
+    compared_matrix,
     criterion,
     frozen,
     median_times,
@@ -305,11 +306,7 @@ def aligned_only_there(places, claim, *, harmonics, similar):
 def modes_are_mixed(place, claim, *, harmonics):
     """Matrix U of section 3.1.2 from the POD modes of full SPH themselves."""
     rows = place["pod"]["velocity_modes"][:harmonics]
-    mixing = sines(place["pod"]["x"], harmonics) @ rows.T
-    paper = np.array(claim["paper"])
-    mixing *= np.sign((mixing * paper).sum(axis=0))
-    difference = float(np.abs(mixing - paper).max() / np.abs(paper).max())
-    return Finding(difference <= claim.get("tolerance", 0), mixing.round(4).tolist(), difference)
+    return compared_matrix(sines(place["pod"]["x"], harmonics) @ rows.T, claim)
 
 
 @criterion(

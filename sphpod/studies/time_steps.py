@@ -83,10 +83,7 @@ def march_full(scene: Scene, integrator: str, paper: bool = False) -> March:
     count = scene.particle_count
 
     def run_fixed(state, time_step, stride, outputs):
-        interval = stride * time_step
-        case = replace(
-            scene, time_step=time_step, error_interval=interval, duration=outputs * interval
-        )
+        case = _shown(scene, time_step, stride, outputs)
         start = state[:count], state[count:]
         if paper:
             start = start[0], lifted.density(scene, start[1])
@@ -164,14 +161,17 @@ def march_lifted(model: lifted_rom.LiftedModel, method: str) -> March:
 
     @quiet
     def march(state, time_step, stride, outputs):
-        interval = stride * time_step
-        case = replace(
-            scene, time_step=time_step, error_interval=interval, duration=outputs * interval
-        )
+        case = _shown(scene, time_step, stride, outputs)
         run = replace(model, scene=case).prepare(method, (state[:kv], state[kv:])).run()
         return np.concatenate(run.coordinates(), axis=1)
 
     return march
+
+
+def _shown(scene, time_step, stride, outputs):
+    """The scene with so many outputs after the start, each after so many steps."""
+    interval = stride * time_step
+    return replace(scene, time_step=time_step, error_interval=interval, duration=outputs * interval)
 
 
 def unforced(scene: Scene) -> Scene:
