@@ -244,26 +244,16 @@ def solve_reduced(scene: Scene, method: str, modes: Data, mode_count: int) -> "x
     """
     (count,) = _counts(scene, [mode_count])
     found = _modes(scene, method, modes)
-    if method in lifted_rom.METHODS:
-        prepared = lifted_rom.build(scene, found, count).prepare(method)
-        state = prepared.solve()
-        velocity, strain = np.empty((2, scene.error_times.size, scene.particle_count))
-        prepared.reconstruct(state, velocity, strain)
-        arrays = prepared.stored(state) | {"strain": strain}
-        density = lifted.density(scene, strain)
-        if method == "lifted_exact":
-            arrays["error_bound"], _ = error_bound.error_bounds(prepared, state)
+    if method not in lifted_rom.METHODS:
+        run = rom.model(scene, method, found, count).prepare(scene.error_steps).solve()
+        arrays = run.fields() | run.stored()
     else:
-        model = rom.model(scene, method, found, count)
-        a, b, breakdown = model.solve(scene.error_steps)
-        if breakdown is not None:
-            raise breakdown
-        velocity, density = a @ model.velocity_modes, b @ model.density_modes
-        arrays = {"velocity_coordinates": a, "density_coordinates": b}
-    fields = {"velocity": velocity, "density": density}
-    return labelled(
-        scene, {"t": scene.error_times, "x": scene.positions} | fields | arrays, {"method": method}
-    )
+        lifted_run = lifted_rom.build(scene, found, count).prepare(method).solve()
+        arrays = lifted_run.fields() | lifted_run.stored()
+        arrays["density"] = lifted.density(scene, arrays["strain"])
+        if method == "lifted_exact":
+            arrays["error_bound"], _ = error_bound.error_bounds(lifted_run)
+    return labelled(scene, {"x": scene.positions} | arrays, {"method": method})
 
 
 def sweep(

@@ -34,14 +34,13 @@ def solved(scene):
     full, strains = sph.solve(scene, scene.error_steps), lifted.solve(scene, "exact")
     taken = snapshots.extract(scene, {"range": [0, 1], "count": 4}, full)
     model = lifted_rom.build(scene, lifted_rom.decompose(scene, taken), 2)
-    prepared = model.prepare("lifted_exact")
     return {
         **full,
         "strain": strains["strain"],
         **taken,
         **pod.decompose(taken),
         **lifted_rom.decompose(scene, taken),
-        **prepared.stored(prepared.solve()),
+        **model.prepare("lifted_exact").solve().stored(),
     }
 
 

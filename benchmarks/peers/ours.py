@@ -8,7 +8,7 @@ from benchmarks.peers.contender import CONVERGED, EULER, LIFTED_EULER, Check, Co
 from benchmarks.peers.problem import MODES, Problem
 from sphpod.full import lifted, sph
 from sphpod.reduced import lifted_rom, pod
-from sphpod.reduced.rom import ReducedModel
+from sphpod.reduced.rom import galerkin
 
 
 def contenders(problem: Problem) -> Iterator[Contender]:
@@ -52,64 +52,49 @@ def contenders(problem: Problem) -> Iterator[Contender]:
         )
 
 
-def _fields(rows, *columns):
-    """Arrays to fill, touched before, so that no run is the first to do so."""
-    return tuple(np.full((rows, count), np.nan) for count in columns)
+def _touched(run):
+    """The run, its arrays written to, so that it is not the first to do so."""
+    for array in run.state:
+        array[:] = np.nan
+    return run
 
 
 def _full(problem, neighbours):
     scene = problem.scene
 
     def prepare(intervals):
-        run = sph.prepare(scene, scene.error_steps[: intervals + 1], neighbours)
-        velocity, density = _fields(intervals + 1, problem.count, problem.count)
-        return lambda: (run(velocity, density), velocity)[1]
+        run = _touched(sph.prepare(scene, scene.error_steps[: intervals + 1], neighbours))
+        return lambda: run.run().state[0]
 
     return Model(prepare, np.asarray, scene.step_count)
 
 
 def _reduced(problem, method):
     modes = pod.decompose(problem.snapshots("half a period"))
-    velocity_modes, density_modes = (
-        modes[f"{field}_modes"][:MODES] for field in ("velocity", "density")
-    )
-    model = ReducedModel(problem.scene, method, velocity_modes, density_modes)
+    model = galerkin(problem.scene, method, modes, MODES)
     steps = problem.scene.error_steps
 
     def prepare(intervals):
-        run = model.prepare(steps[: intervals + 1])
-        velocity, density = _fields(intervals + 1, MODES, MODES)
-        return lambda: (run(velocity, density), velocity)[1]
+        run = _touched(model.prepare(steps[: intervals + 1]))
+        return lambda: run.run().state[0]
 
-    return Model(prepare, lambda states: states @ velocity_modes, problem.scene.step_count)
+    return Model(prepare, lambda states: states @ model.velocity_modes, problem.scene.step_count)
 
 
 def _lifted_full(problem, integrator, **settings):
     scene = problem.scene
-    run = lifted.prepare(scene, integrator, **settings)
+    run = _touched(lifted.prepare(scene, integrator, **settings))
     step = settings.get("time_step", scene.time_step)
-
-    def prepare(intervals):
-        velocity, strain = _fields(intervals + 1, problem.count, problem.count)
-        return lambda: (run(velocity, strain), velocity)[1]
-
     stepped = integrator in lifted.FIXED_STEP
-    return Model(prepare, np.asarray, round(scene.duration / step) if stepped else None)
+    return Model(
+        lambda intervals: lambda: run.run().state[0],
+        np.asarray,
+        round(scene.duration / step) if stepped else None,
+    )
 
 
 def _lifted_reduced(problem, method):
     scene = problem.scene
     modes = lifted_rom.decompose(scene, problem.snapshots("half a period"))
-    prepared = lifted_rom.build(scene, modes, MODES).prepare(method)
-    velocity0 = scene.velocity0()
-
-    def prepare(intervals):
-        state = prepared.new_state()
-        return lambda: (prepared.run(velocity0, state), state)[1]
-
-    def velocity(state):
-        fields = _fields(state.shape[1], problem.count, problem.count)
-        prepared.reconstruct(state, *fields)
-        return fields[0]
-
-    return Model(prepare, velocity)
+    run = lifted_rom.build(scene, modes, MODES).prepare(method)
+    return Model(lambda intervals: run.run, lambda run: run.fields()["velocity"])

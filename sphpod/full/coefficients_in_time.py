@@ -138,7 +138,7 @@ def series_terms(size: float) -> int:
 
 @dataclass
 class Stepped:
-    """A run that steps, and what it says of its own error.
+    """A march (`run.FullRun`) that steps, and what it says of its own error.
 
     Attributes
     ----------
@@ -152,8 +152,7 @@ class Stepped:
     begin: State
     time_error: float = field(default=np.nan, init=False)
 
-    def __call__(self, velocity: np.ndarray, strain: np.ndarray, watch: bool = True) -> int:
-        """Fill two (times, N) arrays; -1, or the flat index of what broke, as `lifted.prepare`."""
+    def __call__(self, velocity: np.ndarray, strain: np.ndarray, watch: bool) -> int:
         scene = self.scene
         mass = np.sqrt(scene.density0() * scene.volumes)
         stiffness = np.sqrt(scene.volumes * scene.largest_modulus())
@@ -200,11 +199,6 @@ class Stepped:
         grid = (*steps, terms, watch)
         space = weights, geometry, 1 / scene.density0()
         return march(state, space, functions, grid, (velocity, strain))
-
-
-def prepare(scene: Scene, begin: State) -> Stepped:
-    """Everything that precedes a run, as `lifted.prepare` has it for ``exact``."""
-    return Stepped(scene, begin)
 
 
 @compiled

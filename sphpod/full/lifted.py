@@ -24,8 +24,7 @@ from functools import partial
 
 import numpy as np
 
-from sphpod.full import coefficients_in_time
-from sphpod.full.coefficients_in_time import NO_LISTS
+from sphpod.full.coefficients_in_time import NO_LISTS, Stepped
 from sphpod.full.sph import (
     SOUND,
     State,
@@ -41,8 +40,9 @@ from sphpod.numerics.course import POINTS, WEIGHTS, spans
 from sphpod.numerics.error import blocks
 from sphpod.numerics.propagator import TURN
 from sphpod.numerics.propagator import prepare as prepare_jumps
-from sphpod.scene.breakdown import RESOLVED, Breakdown
+from sphpod.scene.breakdown import RESOLVED
 from sphpod.scene.kernel import stencil_weights
+from sphpod.scene.run import ALL, FullRun, Run
 from sphpod.scene.scene import ABSENT, NO_FORCE, Scene, derivative_matrix, step_times
 from sphpod.scene.waves import fastest_wave, warn_of_step
 
@@ -57,8 +57,6 @@ VALUES_AT_ONCE = 2**18
 FIELDS_AT_ONCE = 64
 """Fields that are transformed together; few enough for the processor's cache."""
 
-Run = Callable[..., int]
-
 
 def strain(scene: Scene, density: np.ndarray) -> np.ndarray:
     """Strain e = ρ0/ρ - 1 of densities (…, N)."""
@@ -68,6 +66,14 @@ def strain(scene: Scene, density: np.ndarray) -> np.ndarray:
 def density(scene: Scene, strain: np.ndarray) -> np.ndarray:
     """Density ρ = ρ0/(1 + e) of strains (…, N) [kg/m³]."""
     return scene.density0() / (1 + strain)
+
+
+def with_density(run: Run, rows: slice = ALL) -> dict[str, np.ndarray]:
+    """Velocity [m/s] and density [kg/m³] of outputs of a run, in strain or not, (rows, N)."""
+    fields = run.fields(rows)
+    if "strain" in fields:
+        fields["density"] = density(run.scene, fields.pop("strain"))
+    return fields
 
 
 def energy_weights(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -136,24 +142,12 @@ def solve(
     Breakdown
         The solution became non-finite, or its Jacobian 1 + e stopped being positive.
     """
-    shape = scene.error_times.size, scene.particle_count
-    velocity, strain = np.empty(shape), np.empty(shape)
     if integrator in ("symplectic_euler", "leapfrog"):
         warn_of_step(scene, integrator, time_step or scene.time_step)
-    run = prepare(scene, integrator, time_step, tolerance, start)
-    failed = run(velocity, strain)
-    if failed >= 0:
-        row, particle = divmod(failed, scene.particle_count)
-        model = f"the lifted full model ({integrator})"
-        raise Breakdown(scene.name, model, scene.error_times[row], scene.bar_particle(particle))
-    solution = {
-        "t": scene.error_times,
-        "x": scene.positions,
-        "velocity": velocity,
-        "strain": strain,
-    }
-    if isinstance(run, coefficients_in_time.Stepped):
-        solution["time_error_estimate"] = np.array(run.time_error)
+    run = prepare(scene, integrator, time_step, tolerance, start).solve()
+    solution = run.stored()
+    if isinstance(run.march, Stepped):
+        solution["time_error_estimate"] = np.array(run.march.time_error)
     return solution
 
 
@@ -163,38 +157,32 @@ def prepare(
     time_step: float | None = None,
     tolerance: float = 1e-8,
     start: State | None = None,
-) -> Run:
-    """Everything that precedes the time loop, so that the loop can be timed alone.
+) -> FullRun:
+    """Everything that precedes the time loop.
 
-    Parameters are those of `solve`.
-
-    Returns
-    -------
-    callable
-        ``run(velocity, strain)`` fills two (times, N) arrays at the times of the error integral,
-        and returns -1; or, where a value is not finite or the Jacobian 1 + e not positive, the flat
-        index of the first broken particle in the row that was to be kept next, which then holds the
-        broken state. Between outputs fixed steps are looked at as often as `sph.fastest_change`
-        asks for (leapfrog's strain in the middle of its steps), and what is exact or adaptive at
-        times a `RESOLVED` part of the fastest wave's radian apart, unless energy excludes a fold.
-        With ``watch=False`` it looks for none, by which the cost of watching can be measured.
+    Parameters are those of `solve`. Between outputs fixed steps are looked at as often as
+    `sph.fastest_change` asks for (leapfrog's strain in the middle of its steps), and what is exact
+    or adaptive at times a `RESOLVED` part of the fastest wave's radian apart, unless energy
+    excludes a fold.
     """
     begin = start or (scene.velocity0(), scene.starting_strain())
     if integrator in FIXED_STEP:
-        return _fixed_step(scene, integrator, time_step or scene.time_step, begin)
-    if integrator == "exact" and not np.isfinite(begin).all():
-        return _broken_from_start(begin)
-    if integrator in ADAPTIVE:
-        run = _adaptive(scene, integrator, tolerance, begin)
-        if not scene.is_steady:
-            return run
-        return _resolved(scene, integrator, tolerance, run)
-    if integrator == "exact" and scene.is_stepped:
-        return coefficients_in_time.prepare(scene, begin)
-    if integrator == "exact":
-        run = (_fourier if is_uniform(scene) else _exponential)(scene, begin)
-        return _resolved(scene, integrator, tolerance, run)
-    raise ValueError(f"integrator = {integrator}: allowed are {', '.join(INTEGRATORS)}")
+        march = _fixed_step(scene, integrator, time_step or scene.time_step, begin)
+    elif integrator in ADAPTIVE:
+        march = _adaptive(scene, integrator, tolerance, begin)
+        if scene.is_steady:
+            march = _resolved(scene, integrator, tolerance, march)
+    elif integrator != "exact":
+        raise ValueError(f"integrator = {integrator}: allowed are {', '.join(INTEGRATORS)}")
+    elif not np.isfinite(begin).all():
+        march = _filling(partial(_show_start, begin))
+    elif scene.is_stepped:
+        march = Stepped(scene, begin)
+    else:
+        march = (_fourier if is_uniform(scene) else _exponential)(scene, begin)
+        march = _resolved(scene, integrator, tolerance, march)
+    name = f"the lifted full model ({integrator})"
+    return FullRun.of(scene, name, scene.error_times, "strain", march)
 
 
 def is_uniform(scene: Scene) -> bool:
@@ -251,7 +239,7 @@ def _fixed_step(scene, integrator, dt, begin):
     )
     calm = strain_bound(scene, integrator, dt, begin) < 0.99
 
-    def run(velocity, strain, watch=True):
+    def run(velocity, strain, watch):
         state = np.zeros((4, velocity0.size))
         state[0], state[2] = velocity0, stress0
         # What changes with time is written over from step to step.
@@ -569,19 +557,24 @@ def _watched(velocity, strain):
     return first_broken(*flat) if doubtful(*flat) else -1
 
 
-def _broken_from_start(begin):
-    """Where nothing follows from the start, which alone shows what particle is broken."""
+def _filling(fill):
+    """A march that fills both fields before it looks at them."""
 
-    def run(velocity, strain, watch=True):
-        velocity[:], strain[:] = np.nan, np.nan
-        velocity[0], strain[0] = begin
+    def run(velocity, strain, watch):
+        fill(velocity, strain)
         return _watched(velocity, strain) if watch else -1
 
     return run
 
 
-def _resolved(scene, integrator, tolerance, run):
-    """A run that looks for a fold between outputs too, where they do not resolve the waves.
+def _show_start(begin, velocity, strain):
+    """The start alone: where nothing follows from it, it shows what particle is broken."""
+    velocity[:], strain[:] = np.nan, np.nan
+    velocity[0], strain[0] = begin
+
+
+def _resolved(scene, integrator, tolerance, march):
+    """A march that looks for a fold between outputs too, where they do not resolve the waves.
 
     Intervals between outputs are solved anew, with outputs within them, unless energy excludes a
     fold: nothing but a force raises it, and a strain is at most its norm over the least √(V c).
@@ -589,7 +582,7 @@ def _resolved(scene, integrator, tolerance, run):
     count, interval = scene.particle_count, scene.error_interval
     parts = int(np.ceil(fastest_wave(scene) * interval / RESOLVED))
     if parts <= 1:
-        return run
+        return march
     most = _most_strain(scene)
     at_once = max(1, VALUES_AT_ONCE // (parts * count))
     # Of an interval that is long beside the waves, parts are solved a few at a time.
@@ -606,16 +599,16 @@ def _resolved(scene, integrator, tolerance, run):
                 error_interval=interval / parts,
                 time_step=interval / parts,
             )
-            fields = np.empty((2, steps + 1, count))
-            found = prepare(within, integrator, tolerance=tolerance, start=state)(*fields)
+            run = prepare(within, integrator, tolerance=tolerance, start=state).run()
+            part, particle = divmod(run.failed, count)
             # The end is an output, in which the run itself sees what is broken.
-            if found >= 0 and first + found // count < (end - row) * parts:
-                return first + found // count, found % count, fields[:, found // count]
-            state = tuple(fields[:, -1])
+            if run.failed >= 0 and first + part < (end - row) * parts:
+                return first + part, particle, [field[part] for field in run.state]
+            state = tuple(field[-1] for field in run.state)
         return None
 
-    def run_and_look(velocity, strain, watch=True):
-        failed = run(velocity, strain, watch)
+    def march_and_look(velocity, strain, watch):
+        failed = march(velocity, strain, watch)
         if not watch:
             return failed
         row, last = 0, len(velocity) - 1 if failed < 0 else failed // count
@@ -635,7 +628,7 @@ def _resolved(scene, integrator, tolerance, run):
             row = end
         return failed
 
-    return run_and_look
+    return march_and_look
 
 
 def _most_strain(scene):
@@ -748,12 +741,11 @@ def _adaptive(scene, integrator, tolerance, begin):
     parts = spans(courses, times[-1])
     options = {"method": integrator.upper(), "rtol": max(tolerance, 3e-14), "atol": absolute}
 
-    def run(velocity, strain, watch=True):
+    def fill(velocity, strain):
+        _show_start(begin, velocity, strain)
         if not np.isfinite(rate(0.0, start)).all():
             # From here scipy would look for a first step without end.
-            return _broken_from_start(begin)(velocity, strain, watch)
-        velocity[:], strain[:] = np.nan, np.nan
-        velocity[0], strain[0] = begin
+            return
         state = start
         for part in parts:
             if not np.isfinite(rate(part.inner[0], state)).all():
@@ -774,9 +766,8 @@ def _adaptive(scene, integrator, tolerance, begin):
             if not result.success:
                 break
             state = states[-1].copy()
-        return _watched(velocity, strain) if watch else -1
 
-    return run
+    return _filling(fill)
 
 
 def _within(rate, inner, t, state):
@@ -848,7 +839,7 @@ def _fourier(scene, begin):
     state = np.zeros((4 * modes, times.size))
     first, second = state[: 2 * modes], state[2 * modes :]
 
-    def run(velocity, strain, watch=True):
+    def run(velocity, strain, watch):
         first[:, 0], second[:, 0] = start[0], strained
         jumps.run(state)
         watched = watch and not (calm and np.isfinite(first[0]).all())
@@ -902,16 +893,15 @@ def _exponential(scene, begin):
             added = carried.T + pushed_in(cell)
         return added
 
-    def run(velocity, strain, watch=True):
+    def fill(velocity, strain):
         if not courses:
             states = expm_multiply(matrix, start, 0, times[-1], times.size, True, trace) / scales
             velocity[:], strain[:] = states[:, :count], states[:, count:]
-            return _watched(velocity, strain) if watch else -1
+            return
         state, jump, added = start, matrix * interval, pushes()
         for row in range(times.size):
             velocity[row], strain[row] = np.split(state / scales, 2)
             if row < len(added):
                 state = expm_multiply(jump, state, traceA=trace * interval) + added[row]
-        return _watched(velocity, strain) if watch else -1
 
-    return run
+    return _filling(fill)

@@ -18,9 +18,9 @@ Long, as kernels for all arrangements of particles stand beside each other.
 import numpy as np
 
 from sphpod.numerics.compiled import compiled
-from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.ends import STRAIN
 from sphpod.scene.kernel import stencil_weights
+from sphpod.scene.run import FullRun
 from sphpod.scene.scene import Scene
 
 SOUND = 0.5
@@ -61,15 +61,7 @@ def solve(
     Breakdown
         The solution became non-finite or its density stopped being positive.
     """
-    velocity = np.empty((steps.size, scene.particle_count))
-    density = np.empty_like(velocity)
-    run = prepare(scene, steps, neighbours, start)
-    failed = run(velocity, density)
-    if failed >= 0:
-        row, at = divmod(failed, scene.particle_count)
-        raise Breakdown(scene.name, "full SPH", scene.times(steps)[row], scene.bar_particle(at))
-    fields = {"velocity": velocity, "density": density}
-    return {"t": scene.times(steps), "x": scene.positions, **fields}
+    return prepare(scene, steps, neighbours, start).solve().stored()
 
 
 def prepare(
@@ -77,19 +69,11 @@ def prepare(
     steps: np.ndarray,
     neighbours: str | None = None,
     start: State | None = None,
-):
-    """Everything that precedes the time loop, so that the loop can be timed alone.
+) -> FullRun:
+    """Everything that precedes the time loop.
 
-    Parameters are those of `solve`.
-
-    Returns
-    -------
-    callable
-        ``run(velocity, density)`` fills two (times, N) arrays and returns -1; or, if a step broke
-        down, the flat index of its first broken particle in the row that was to be kept next, which
-        then holds the broken state. States are looked at as often as `fastest_change` asks for, if
-        need be after every step. With ``watch=False`` it looks at none, by which the cost of
-        watching can be measured.
+    Parameters are those of `solve`. States are looked at as often as `fastest_change` asks for, if
+    need be after every step.
 
     Raises
     ------
@@ -114,20 +98,20 @@ def prepare(
     geometry: tuple[np.ndarray, ...]
     if neighbours == "lists":
         geometry = scene.neighbour_lists()
-        march, ghosts = march_lists, 0
+        kernel, ghosts = march_lists, 0
     else:
         weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
         # Two and four neighbours have kernels of their own, which serve fewer with weights of zero.
         ghosts = next((width for width in (2, 4) if weights.size <= width), weights.size)
         geometry = (np.pad(weights, (0, ghosts - weights.size)),)
-        march = march_stencil
+        kernel = march_stencil
 
     pace = fastest_change(scene, dt, largest_force(amplitudes, profiles), factor=2)
     geometry = *geometry, *_images(scene)
     velocity0 = np.pad(velocity_now, ghosts, mode="wrap")
     stress0 = np.pad(modulus * (1 - density0 / density_now), ghosts, mode="wrap")
 
-    def run(velocity, density, watch=True):
+    def march(velocity, density, watch):
         state = np.zeros((4, velocity0.size))
         state[0], state[2] = velocity0, stress0
         rho = density_now.copy()
@@ -135,9 +119,9 @@ def prepare(
         kept = velocity, density
         # A modulus that changes is written over from step to step.
         own = tuple(part.copy() for part in material) if stiffening[0].size else material
-        return march((state, rho), own, forces, changes, geometry, schedule, kept)
+        return kernel((state, rho), own, forces, changes, geometry, schedule, kept)
 
-    return run
+    return FullRun.of(scene, "full SPH", scene.times(steps), "density", march)
 
 
 Changes = tuple[np.ndarray, np.ndarray]

@@ -17,6 +17,21 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 
+class Buffers:
+    """Arrays that runs of one shape share, written to before any of them runs."""
+
+    def __init__(self) -> None:
+        self.arrays: dict[tuple[int, tuple[int, ...]], np.ndarray] = {}
+
+    def shared(self, run: Any) -> Any:
+        """The run (`sphpod.scene.run.Run`), in these arrays."""
+        for place in enumerate(array.shape for array in run.state):
+            if place not in self.arrays:
+                self.arrays[place] = np.full(place[1], 0.0)
+        run.state = tuple(self.arrays[n, array.shape] for n, array in enumerate(run.state))
+        return run
+
+
 def warm_up(run: Callable[[], object], shortest: float) -> int:
     """Warm a run, and say how often it is to be run for a time of ``shortest`` seconds."""
     for _ in range(2):

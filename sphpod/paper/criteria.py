@@ -8,6 +8,7 @@ As in the paper, the POD error is that of a reduced model (the original one, unl
 against full SPH, and the SPH error that of full SPH against the scene's first reference.
 """
 
+import functools
 import itertools
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -72,11 +73,16 @@ def criterion(text: str, *files: str, paper: str = "yes", places: tuple[int, flo
     """Register a criterion: ``decide(places, claim, **thresholds)``, thresholds as configured.
 
     ``paper`` is what claims decided by it quote: yes, a number, a matrix or a percentage;
-    ``places`` are the least and the most that it looks at.
+    ``places`` are the least and the most that it looks at; if it is one, it is given as such.
     """
 
     def register(decide):
-        CRITERIA[decide.__name__] = Criterion(text, files, paper, decide, *places)
+        @functools.wraps(decide)
+        def of_one(places, claim, **thresholds):
+            return decide(*places, claim, **thresholds)
+
+        deciding = of_one if files and places == (1, 1) else decide
+        CRITERIA[decide.__name__] = Criterion(text, files, paper, deciding, *places)
         return decide
 
     return register
@@ -91,15 +97,22 @@ def compared(value: float, claim: Mapping[str, Any]) -> Finding:
     return Finding(abs(difference) <= claim.get("tolerance", 0), value, difference)
 
 
+def compared_matrix(columns: np.ndarray, claim: Mapping[str, Any]) -> Finding:
+    """A matrix beside the paper's, its columns with the signs of the paper's."""
+    paper = np.array(claim["paper"])
+    columns = columns * np.sign((columns * paper).sum(axis=0))
+    difference = float(np.abs(columns - paper).max() / np.abs(paper).max())
+    return Finding(difference <= claim.get("tolerance", 0), columns.round(4).tolist(), difference)
+
+
 @criterion(
     "relative L2 error of full SPH in {field} against {reference}: within {tolerance} of the "
     "paper's",
     "errors",
     paper="a number",
 )
-def sph_error(places, claim, *, field, reference):
+def sph_error(place, claim, *, field, reference):
     """Relative L2 error of full SPH."""
-    (place,) = places
     column = list(place["errors"]["reference"]).index(reference)
     return compared(float(place["errors"][f"{field}_error"][0, column]), claim)
 
@@ -129,18 +142,14 @@ def dispersion_coefficient(places, claim, *, smoothing_ratio):
     "snapshots",
     paper="a matrix",
 )
-def mixing_matrix(places, claim, *, harmonics):
+def mixing_matrix(place, claim, *, harmonics):
     """Matrix U of section 3.1.2, its columns with the signs of the paper's."""
-    (place,) = places
     x, t = place["exact"]["x"], place["exact"]["t"]
     rows = [int(np.argmin(np.abs(t - time))) for time in place["snapshots"]["velocity_time"]]
     velocity = place["exact"]["velocity"][rows]
     waves = np.sin(2 * np.pi * np.outer(np.arange(1, harmonics + 1), x / (x[1] * x.size)))
     mixing = np.linalg.svd(waves @ velocity.T)[0]
-    paper = np.array(claim["paper"])
-    mixing *= np.sign((mixing * paper).sum(axis=0))
-    difference = float(np.abs(mixing - paper).max() / np.abs(paper).max())
-    return Finding(difference <= claim.get("tolerance", 0), mixing.round(4).tolist(), difference)
+    return compared_matrix(mixing, claim)
 
 
 # Mode counts with which POD works -----------------------------------------------------------------
@@ -201,9 +210,8 @@ def least_ratio(place: Place) -> str:
     "errors",
     "sweep",
 )
-def works_for_some(places, claim):
+def works_for_some(place, claim):
     """Whether any mode count works."""
-    (place,) = places
     return Finding(bool((ratios(place) < 1).any()), least_ratio(place))
 
 
@@ -212,9 +220,8 @@ def works_for_some(places, claim):
     "errors",
     "sweep",
 )
-def works_for_none(places, claim):
+def works_for_none(place, claim):
     """Whether no mode count works."""
-    (place,) = places
     return Finding(not (ratios(place) < 1).any(), least_ratio(place))
 
 
@@ -225,9 +232,8 @@ def works_for_none(places, claim):
     "sweep",
     "pod",
 )
-def works_with_all(places, claim, *, velocity_modes, density_modes):
+def works_with_all(place, claim, *, velocity_modes, density_modes):
     """Whether the largest mode count works, and uses as many modes as said."""
-    (place,) = places
     there = tuple(place["pod"][f"{field}_singular_values"].size for field in FIELDS)
     ratio = ratios(place)[np.argmax(place["sweep"]["mode_count"])]
     return Finding(
@@ -240,9 +246,8 @@ def works_with_all(places, claim, *, velocity_modes, density_modes):
     "POD error in v and ρ for every k ≥ {begin}: at most 1/{factor} of that for k = {after}",
     "sweep",
 )
-def error_drop(places, claim, *, after, begin, factor):
+def error_drop(place, claim, *, after, begin, factor):
     """Whether errors are much smaller from a mode count on."""
-    (place,) = places
     modes = place["sweep"]["mode_count"]
     drop = min(
         float(
@@ -262,9 +267,8 @@ def error_drop(places, claim, *, after, begin, factor):
     "most {within} times, behind each by at least {between} times",
     "pod",
 )
-def singular_value_groups(places, claim, *, field, size, groups, within, between):
+def singular_value_groups(place, claim, *, field, size, groups, within, between):
     """Whether singular values fall in groups."""
-    (place,) = places
     values = place["pod"][f"{field}_singular_values"][: size * groups + 1]
     inside = max(values[size * g] / values[size * (g + 1) - 1] for g in range(groups))
     behind = min(values[size * (g + 1) - 1] / values[size * (g + 1)] for g in range(groups))
@@ -279,9 +283,8 @@ def singular_value_groups(places, claim, *, field, size, groups, within, between
     "least {dominance} times the second",
     "pod",
 )
-def uniform_mode(places, claim, *, field, spread, dominance):
+def uniform_mode(place, claim, *, field, spread, dominance):
     """Whether the first mode is nearly uniform, and dominant."""
-    (place,) = places
     mode, values = place["pod"][f"{field}_modes"][0], place["pod"][f"{field}_singular_values"]
     variation, ratio = float(np.ptp(mode) / abs(mode.mean())), float(values[0] / values[1])
     return Finding(
@@ -295,9 +298,8 @@ def uniform_mode(places, claim, *, field, spread, dominance):
     "{drop} times the next, the largest of all such steps among the first {among}",
     "pod",
 )
-def singular_value_drop(places, claim, *, field, after, similar, drop, among):
+def singular_value_drop(place, claim, *, field, after, similar, drop, among):
     """Whether singular values stay together up to a number, and fall most steeply behind it."""
-    (place,) = places
     values = place["pod"][f"{field}_singular_values"][: max(among, after) + 1]
     steps = values[:-1] / values[1:]
     together, fall = float(values[0] / values[after - 1]), float(steps[after - 1])
@@ -314,12 +316,11 @@ def singular_value_drop(places, claim, *, field, after, similar, drop, among):
     "most {amplitude} and {crossings}",
     "pod",
 )
-def calmer_half(places, claim, *, field, modes, first, second, amplitude, crossings):
+def calmer_half(place, claim, *, field, modes, first, second, amplitude, crossings):
     """Whether modes are smaller and vary more slowly in one part of the domain than in another.
 
     A mode without a crossing in the first part has no ratio of crossings, and does not count.
     """
-    (place,) = places
     x, rows = place["pod"]["x"], place["pod"][f"{field}_modes"][:modes]
     x = x / (x[1] * x.size)
     parts = [rows[:, (x > start) & (x < end)] for start, end in (first, second)]
@@ -369,9 +370,8 @@ def worded(ratio: Mapping[str, Sequence[float]], mode_counts: Sequence[int]) -> 
     "errors",
     "acceleration",
 )
-def error_below(places, claim, *, method, mode_counts, factor):
+def error_below(place, claim, *, method, mode_counts, factor):
     """Whether a reduced model is good enough."""
-    (place,) = places
     ratio = error_ratios(place, method, mode_counts)
     return Finding(max(map(max, ratio.values())) < factor, f"{method} {worded(ratio, mode_counts)}")
 
@@ -381,9 +381,8 @@ def error_below(places, claim, *, method, mode_counts, factor):
     "errors",
     "acceleration",
 )
-def error_above(places, claim, *, method, mode_counts, factor):
+def error_above(place, claim, *, method, mode_counts, factor):
     """Whether a reduced model is not good enough."""
-    (place,) = places
     ratio = error_ratios(place, method, mode_counts)
     return Finding(min(map(min, ratio.values())) > factor, f"{method} {worded(ratio, mode_counts)}")
 
@@ -393,9 +392,8 @@ def error_above(places, claim, *, method, mode_counts, factor):
     "or more in all; the {steady} POD error stays within {spread} of its smallest value",
     "acceleration",
 )
-def freezing_effect(places, claim, *, mode_counts, rising, steady, rise, spread):
+def freezing_effect(place, claim, *, mode_counts, rising, steady, rise, spread):
     """Whether freezing coefficients for longer raises one error and leaves the other."""
-    (place,) = places
     methods = frozen(place["acceleration"])
     holds, parts = True, []
     for count in mode_counts:
@@ -432,9 +430,8 @@ def median_times(place: Place) -> dict[tuple[str, int], float]:
     "cpu_time",
     paper="a percentage",
 )
-def cpu_time_saved(places, claim, *, method, mode_counts, spread):
+def cpu_time_saved(place, claim, *, method, mode_counts, spread):
     """Saving against neighbour lists, as an SPH code has them; that against the stencil is said."""
-    (place,) = places
     times = median_times(place)
     savings = {
         baseline: [1 - times[method, count] / times[baseline, 0] for count in sorted(mode_counts)]
@@ -454,9 +451,8 @@ def cpu_time_saved(places, claim, *, method, mode_counts, spread):
     "one frozen for fewer steps, and the one frozen longest is faster than that frozen shortest",
     "cpu_time",
 )
-def cpu_time_falls(places, claim, *, mode_counts):
+def cpu_time_falls(place, claim, *, mode_counts):
     """Whether CPU time falls with n_freeze, as far as the repeats tell."""
-    (place,) = places
     times, methods = place["cpu_time"], frozen(place["cpu_time"])
     keys = zip(times["contender"], times["contender_mode_count"], strict=True)
     quartiles = dict(

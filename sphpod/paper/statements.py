@@ -17,11 +17,13 @@ from sphpod.paper.criteria import (
     Arrays,
     Finding,
     Place,
+    compared_matrix,
     criterion,
     frozen,
     median_times,
     pod_error,
     ratios,
+    singular_value_groups,
 )
 from sphpod.studies import comparison
 
@@ -65,9 +67,8 @@ def sph_errors_larger(places, claim):
 
 
 @criterion("error of SPH in ρ: at most 1/{factor} of that in v", "errors")
-def density_error_smaller(places, claim, *, factor):
+def density_error_smaller(place, claim, *, factor):
     """How much smaller the error of the density is."""
-    (place,) = places
     velocity, density = (float(place["errors"][f"{field}_error"][0, 0]) for field in FIELDS)
     return Finding(velocity >= factor * density, f"{velocity / density:.3g} times smaller")
 
@@ -91,9 +92,8 @@ def variant_errors(places, claim, *, field, variants, factor):
     "error of SPH in {field} against the exact solution: below the scene's own in some variant",
     "variants",
 )
-def some_variant_better(places, claim, *, field):
+def some_variant_better(place, claim, *, field):
     """Whether any variant has a smaller error than the scene as it is."""
-    (place,) = places
     names = [str(name) for name in place["variants"]["variant"]]
     errors = place["variants"][f"variant_{field}_error"]
     best = 1 + int(np.argmin(errors[1:]))
@@ -115,9 +115,8 @@ def _variant(place: Place, name: str, field: str) -> float:
     "exact",
     "modified",
 )
-def follows_modified(places, claim, *, periods, period, factor):
+def follows_modified(place, claim, *, periods, period, factor):
     """Whether SPH follows the medium whose waves are faster by β, at first."""
-    (place,) = places
     errors = []
     for name in ("modified", "exact"):
         found, known = _together(place["sph"], place[name])
@@ -136,9 +135,8 @@ def follows_modified(places, claim, *, periods, period, factor):
     "sph",
     "modified",
 )
-def error_grows(places, claim, *, factor):
+def error_grows(place, claim, *, factor):
     """Whether errors are larger later."""
-    (place,) = places
     found, known = _together(place["sph"], place["modified"])
     t = place["modified"]["t"][: len(known)]
     size = np.sqrt(((found - known) ** 2).mean(axis=1))
@@ -160,9 +158,8 @@ def _together(full: Arrays, known: Arrays) -> tuple[np.ndarray, np.ndarray]:
     "differs by at most {tolerance} of its norm",
     "exact",
 )
-def periodic_in_time(places, claim, *, period):
+def periodic_in_time(place, claim, *, period):
     """Whether the motion repeats itself, and is its own mirror image about half a period."""
-    (place,) = places
     t, velocity = place["exact"]["t"], place["exact"]["velocity"]
     course = CubicSpline(t, velocity)
     first = t[t <= period]
@@ -180,9 +177,8 @@ def periodic_in_time(places, claim, *, period):
     "v0: more than {groups} harmonics have at least {rise} of the largest amplitude",
     "exact",
 )
-def dominant_harmonics(places, claim, *, groups, rise):
+def dominant_harmonics(place, claim, *, groups, rise):
     """How many harmonics the initial velocity is made of."""
-    (place,) = places
     amplitude = np.abs(np.fft.rfft(place["exact"]["velocity"][0]))
     amplitude[1:] *= 2
     counts = {
@@ -198,9 +194,8 @@ def dominant_harmonics(places, claim, *, groups, rise):
     "from {among} on below those of all before",
     "exact",
 )
-def high_harmonics_decay(places, claim, *, start, end, among):
+def high_harmonics_decay(place, claim, *, start, end, among):
     """Whether harmonics of the initial velocity decay the faster the higher they are."""
-    (place,) = places
     t, velocity = place["exact"]["t"], place["exact"]["velocity"]
     size = np.abs(np.fft.rfft(velocity[(t >= start) & (t <= end)], axis=1)).max(axis=0)
     initial = np.abs(np.fft.rfft(velocity[0]))
@@ -236,9 +231,8 @@ def doubled(places, claim):
     "waves: above {rise}",
     "pod",
 )
-def modes_miss_harmonics(places, claim, *, harmonics, rise):
+def modes_miss_harmonics(place, claim, *, harmonics, rise):
     """Whether the leading modes span something else than the harmonics of the initial velocity."""
-    (place,) = places
     waves = sines(place["pod"]["x"], harmonics)
     cosines = np.linalg.svd(waves @ place["pod"]["velocity_modes"][:harmonics].T)[1]
     angle = float(np.arcsin(np.sqrt(max(0.0, 1 - cosines.min() ** 2))))
@@ -250,9 +244,8 @@ def modes_miss_harmonics(places, claim, *, harmonics, rise):
     "in most of those up to number {among}",
     "pod",
 )
-def pure_modes(places, claim, *, modes, similar, among):
+def pure_modes(place, claim, *, modes, similar, among):
     """Whether the first modes are pure harmonics, and most of the later ones are not."""
-    (place,) = places
     largest = shares(place["pod"]["velocity_modes"][:among]).max(axis=1)
     later = largest[modes:]
     holds = largest[:modes].min() >= similar and np.count_nonzero(later < similar) > later.size / 2
@@ -268,22 +261,18 @@ def pure_modes(places, claim, *, modes, similar, among):
     "they fall by at most {within} times, behind each by at least {between} times",
     "pod",
 )
-def density_groups(places, claim, *, size, groups, within, between):
+def density_groups(place, claim, *, size, groups, within, between):
     """Whether density singular values fall in groups, behind the first, the mean density."""
-    (place,) = places
-    values = place["pod"]["density_singular_values"][1 : size * groups + 2]
-    inside = max(values[size * g] / values[size * (g + 1) - 1] for g in range(groups))
-    behind = min(values[size * (g + 1) - 1] / values[size * (g + 1)] for g in range(groups))
-    return Finding(
-        bool(inside <= within and behind >= between),
-        f"within a group at most {inside:.3g} times, behind it at least {behind:.3g} times",
-    )
+    behind = {"density_singular_values": place["pod"]["density_singular_values"][1:]}
+    return singular_value_groups(
+        {"pod": behind}, claim, field="density", size=size, groups=groups, within=within,
+        between=between,
+    )  # fmt: skip
 
 
 @criterion("POD error ≥ SPH error in v or ρ at k = {modes}", "errors", "sweep")
-def fails_with(places, claim, *, modes):
+def fails_with(place, claim, *, modes):
     """Whether so many modes of each field are too few."""
-    (place,) = places
     ratio = float(ratios(place)[place["sweep"]["mode_count"] == modes][0])
     return Finding(ratio >= 1, f"{ratio:.3g} times the SPH error")
 
@@ -314,15 +303,10 @@ def aligned_only_there(places, claim, *, harmonics, similar):
     "pod",
     paper="a matrix",
 )
-def modes_are_mixed(places, claim, *, harmonics):
+def modes_are_mixed(place, claim, *, harmonics):
     """Matrix U of section 3.1.2 from the POD modes of full SPH themselves."""
-    (place,) = places
     rows = place["pod"]["velocity_modes"][:harmonics]
-    mixing = sines(place["pod"]["x"], harmonics) @ rows.T
-    paper = np.array(claim["paper"])
-    mixing *= np.sign((mixing * paper).sum(axis=0))
-    difference = float(np.abs(mixing - paper).max() / np.abs(paper).max())
-    return Finding(difference <= claim.get("tolerance", 0), mixing.round(4).tolist(), difference)
+    return compared_matrix(sines(place["pod"]["x"], harmonics) @ rows.T, claim)
 
 
 @criterion(
@@ -331,9 +315,8 @@ def modes_are_mixed(places, claim, *, harmonics):
     "exact",
     "snapshots",
 )
-def nearly_diagonal(places, claim, *, harmonics, spread):
+def nearly_diagonal(place, claim, *, harmonics, spread):
     """Whether rows of C are almost orthogonal, so that U is nearly diagonal."""
-    (place,) = places
     course = CubicSpline(place["exact"]["t"], place["exact"]["velocity"])
     velocity = course(place["snapshots"]["velocity_time"])
     rows = sines(place["exact"]["x"], harmonics) @ velocity.T
@@ -373,9 +356,8 @@ def decays_faster(places, claim, *, modes, factor, mode_counts):
     "steps among the first {among}",
     "pod",
 )
-def both_drop(places, claim, *, after, similar, drop, among):
+def both_drop(place, claim, *, after, similar, drop, among):
     """Whether singular values of both fields fall most steeply behind one number."""
-    (place,) = places
     holds, parts = True, []
     for field in FIELDS:
         # The first of the density is its mean.
@@ -421,9 +403,8 @@ def errors_fall(places, claim):
     "between {after} and the next",
     "sweep",
 )
-def error_step(places, claim, *, after, among):
+def error_step(place, claim, *, after, among):
     """Where errors fall most steeply."""
-    (place,) = places
     counts = place["sweep"]["mode_count"]
     parts, holds = [], True
     for field in FIELDS:

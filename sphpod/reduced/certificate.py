@@ -14,7 +14,6 @@ from sphpod.numerics.error import FIELDS, blocks, share
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.error_bound import FullModel, error_bounds
 from sphpod.reduced.sweep import failed, sweep
-from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
 
 
@@ -27,17 +26,10 @@ def certify(
 ) -> dict[str, np.ndarray]:
     """Errors of ``lifted_exact`` beside their bounds; its coordinates for a single mode count.
 
-    Parameters
-    ----------
-    scene : Scene
-    mode_counts : ints
-        Velocity modes, or all there are.
-    modes : dict
-        As from `lifted_rom.decompose`.
+    Parameters and errors are those of `lifted_rom.repeat_sph`, but for
+
     full : dict
         velocity and strain (times, N) of the lifted full model, exact in time.
-    reference : dict
-        velocity and density (times, N).
 
     Returns
     -------
@@ -50,11 +42,6 @@ def certify(
         snapshots, and bound_slack, the smallest difference of bound and error over time;
         breakdown_time; modes_resolved, as from `lifted_rom.modes_resolved`. For a single count also
         t, scaled_velocity_coordinates, scaled_strain_coordinates and error_bound (times,).
-
-    Raises
-    ------
-    Breakdown
-        The model for a single mode count broke down; in a sweep, its errors are infinite.
     """
     counts = list(mode_counts)
     velocity: Seen
@@ -73,14 +60,13 @@ def certify(
     operators = None if scene.is_stepped else FullModel.of(scene)
     bounds = {}
 
-    def measure(solution):
-        prepared, state = solution
-        reduced = prepared.model.coordinates(state)
+    def measure(run):
+        reduced = run.coordinates()
         squares = velocity.squares(reduced[0]), strain.squares(reduced[1])
         error = np.sqrt(squares[0] + squares[1])
-        bound, plain = error_bounds(prepared, state, operators)
+        bound, plain = error_bounds(run, operators)
         bounds["error_bound"] = bound
-        against = lifted_rom.field_errors(prepared, state, reference)
+        against = lifted_rom.field_errors(run, reference)
         return {
             **{f"{field}_error_reference": error for field, error in against.items()},
             "velocity_error_lifted": part(squares[0], velocity.total),
@@ -98,14 +84,9 @@ def certify(
     lifted_errors = failed(("velocity", "strain", "energy"), "lifted")
     names = "energy_error_bound", "residual_bound", "difference_from_best"
     columns = failed(FIELDS, "reference") | lifted_errors | dict.fromkeys(names, np.inf)
-    found = lifted_rom.solve_each(scene, counts, modes, "lifted_exact")
-    arrays = sweep(
-        counts,
-        found,
-        measure,
-        columns | {"bound_slack": np.nan},
-        lambda solution: lifted_rom.stored(solution) | bounds,
-    )
+    runs = lifted_rom.prepare_each(scene, counts, modes, "lifted_exact")
+    arrays = sweep(counts, runs, measure, columns | {"bound_slack": np.nan})
+    arrays |= bounds if len(counts) == 1 else {}
     return arrays | {"modes_resolved": lifted_rom.modes_resolved(modes, counts)}
 
 
@@ -139,15 +120,13 @@ def choose(
     """
     best = Best.of(scene, modes)
     for count in range(1, best.count + 1):
-        prepared = lifted_rom.build(scene, modes, count).prepare("lifted_exact")
-        try:
-            state = prepared.solve()
-        except Breakdown:
+        run = lifted_rom.build(scene, modes, count).prepare("lifted_exact").run()
+        if run.breakdown() is not None:
             continue
-        difference = best.difference(*prepared.model.coordinates(state))
+        difference = best.difference(*run.coordinates())
         if difference <= tolerance:
             break
-    bound, plain = error_bounds(prepared, state)
+    bound, plain = error_bounds(run)
     relative = share(bound.max(), best.norm)
     return {
         "tolerance": np.array(tolerance),
@@ -158,7 +137,8 @@ def choose(
         "energy_error_bound": np.array([relative]),
         "residual_bound": np.array([share(plain.max(), best.norm)]),
         "certified": np.array(int(relative <= tolerance)),
-        **lifted_rom.stored((prepared, state)),
+        **run.stored(),
+        **run.reduced.system(),
         "error_bound": bound,
     }
 
@@ -198,8 +178,7 @@ class Best:
     @classmethod
     def of(cls, scene: Scene, modes: Mapping[str, np.ndarray]) -> "Best":
         model = lifted_rom.build(scene, modes)
-        state = model.prepare("lifted_exact").solve()
-        velocity, strain = model.coordinates(state)
+        velocity, strain = model.prepare("lifted_exact").solve().coordinates()
         return cls(model, velocity, strain, float(model.lengths(velocity, strain).max()))
 
     @property

@@ -77,7 +77,7 @@ from sphpod.numerics.compiled import compiled
 from sphpod.numerics.course import Course
 from sphpod.numerics.error import share
 from sphpod.reduced import reduced_in_time
-from sphpod.reduced.lifted_rom import LiftedModel, Prepared
+from sphpod.reduced.lifted_rom import LiftedModel, LiftedRun
 from sphpod.scene.scene import Scene
 
 COARSEST, FINEST = 2**7, 2**14
@@ -481,17 +481,13 @@ def follow(start, whole, squares, rests, bound):
         bound[n + 1] = min(bound[n] + whole[n], damped)
 
 
-def error_bounds(
-    prepared: Prepared, state: np.ndarray, full: FullModel | None = None
-) -> tuple[np.ndarray, np.ndarray]:
+def error_bounds(run: LiftedRun, full: FullModel | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Bounds of the energy norm of the error at the times of the error integral.
 
     Parameters
     ----------
-    prepared : Prepared
-        A model exact in time.
-    state : array, shape (coordinates, times)
-        Its solution, in own coordinates.
+    run : LiftedRun
+        Of a model exact in time, that has run.
     full : FullModel, optional
         That of its scene, if it is at hand.
 
@@ -501,9 +497,9 @@ def error_bounds(
         The smallest of all bounds at each time, and the one of the residual alone, without changed
         modes or enrichment. Where models are stepped both are that of `reduced_in_time`.
     """
-    model = prepared.model
+    model, (state,) = run.reduced, run.state
     if model.scene.is_stepped:
-        in_time = reduced_in_time.error_bounds(prepared)
+        in_time = reduced_in_time.error_bounds(run)
         return in_time, in_time
     full = full or FullModel.of(model.scene)
     start, modes = state[:, 0], own_modes(model)
@@ -518,10 +514,9 @@ def error_bounds(
     best, richer, richer_state = np.minimum(plain, corrected), model, state
     for _ in range(LEVELS):
         richer = enriched(full, richer, change * np.abs(richer_state).max(axis=1))
-        richly = richer.prepare("lifted_exact")
-        richer_state = richly.new_state()
-        richly.run(model.scene.starting_state(), richer_state)
-        known = _difference(model.coordinates(state), richer.coordinates(richer_state))
+        richly = richer.prepare("lifted_exact").run()
+        (richer_state,) = richly.state
+        known = _difference(run.coordinates(), richly.coordinates())
         start, modes = richer_state[:, 0], own_modes(richer)
         change = corrections(full, richer, modes)
         bound = Bound.of(full, richer, start, modes, change)

@@ -22,9 +22,10 @@ Long: modes, model and its run share the model's own modes.
 """
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import numpy as np
 
@@ -36,8 +37,9 @@ from sphpod.reduced import reduced_in_time
 from sphpod.reduced.pod import Modes, checked, named, resolved
 from sphpod.reduced.pod import modes as proper_modes
 from sphpod.reduced.reduced_in_time import Steps
-from sphpod.reduced.sweep import failed, report_level, sweep
+from sphpod.reduced.sweep import ReducedRun, failed, report_level, sweep
 from sphpod.scene.breakdown import RESOLVED, Breakdown, first_broken
+from sphpod.scene.run import Run
 from sphpod.scene.scene import Scene
 
 logger = logging.getLogger(__name__)
@@ -265,34 +267,45 @@ class LiftedModel:
         uniform = float(damping[0]) if damping.size else 0.0
         return normal_modes(self.coupling, self.translation, uniform)
 
-    def prepare(self, method: str) -> "Prepared":
+    def prepare(
+        self, method: str, start: tuple[np.ndarray, np.ndarray] | None = None
+    ) -> "LiftedRun":
         """All that precedes a run: own modes, jumps, and what the force adds.
 
         Parameters
         ----------
         method : {"lifted_euler", "lifted_exact"}
+        start : (velocity_coordinates, strain_coordinates), shapes (kv,) and (ke,), optional
+            Coordinates at t = 0; those of the scene's initial state if not given.
         """
         scene, own = self.scene, self.own
         euler_steps = {"lifted_euler": scene.error_stride, "lifted_exact": 0}[method]
         kv = len(self.velocity_modes)
         back = own.from_modes
         mass, stiffness = lifted.energy_weights(scene)
-        start = back[:, :kv] @ (self.velocity_modes * mass)
+        from_fields = back[:, :kv] @ (self.velocity_modes * mass)
         if scene.start:
-            start = np.hstack([start, back[:, kv:] @ (self.strain_modes * stiffness)])
+            from_strain = back[:, kv:] @ (self.strain_modes * stiffness)
+            from_fields = np.hstack([from_fields, from_strain])
+        begun = from_fields @ scene.starting_state()
+        if start is not None:
+            begun = back @ np.concatenate(start)
+        jumps: Jumps | Steps
         if scene.is_stepped:
-            terms = reduced_in_time.Terms.of(self)
-            return Prepared(self, method, reduced_in_time.Steps(terms, euler_steps > 0), start)
-        jumps = propagator.prepare(
-            own.blocks,
-            own.singles,
-            own.forces_in_blocks(back[:, :kv] @ self.force),
-            scene.error_interval,
-            scene.error_times.size,
-            scene.courses(),
-            euler_steps,
-        )
-        return Prepared(self, method, jumps, start)
+            jumps = Steps(reduced_in_time.Terms.of(self), euler_steps > 0)
+        else:
+            jumps = propagator.prepare(
+                own.blocks,
+                own.singles,
+                own.forces_in_blocks(back[:, :kv] @ self.force),
+                scene.error_interval,
+                scene.error_times.size,
+                scene.courses(),
+                euler_steps,
+            )
+        name, times = f"the lifted model with {kv} modes", scene.error_times
+        state = (np.zeros((begun.size, times.size)),)
+        return LiftedRun(scene, name, times, state, self, method, jumps, begun)
 
     def lengths(self, velocity: np.ndarray, strain: np.ndarray) -> np.ndarray:
         """Energy norms of coordinates (times, kv) and (times, ke) at the outputs, (times,)."""
@@ -305,72 +318,6 @@ class LiftedModel:
             some = strain[rows]
             squares[rows] += np.einsum("tm,tmn,tn->t", some, metrics(times[rows]), some)
         return np.sqrt(squares)
-
-    def coordinates(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates in the modes of velocity and strain, (times, kv) and (times, ke)."""
-        kv = len(self.velocity_modes)
-        both = state.T @ self.own.to_modes.T
-        return np.ascontiguousarray(both[:, :kv]), np.ascontiguousarray(both[:, kv:])
-
-    def breakdown(self, state: np.ndarray) -> Breakdown | None:
-        """How a solution broke down: not finite, or a Jacobian 1 + e that is not positive.
-
-        |e_i| is at most the length of the coordinates times that of the particle's entries in the
-        modes: a test that is usually enough, and sees no particle but once. J is reconstructed only
-        at the times at which the test fails.
-        """
-        scene, times = self.scene, self.scene.error_times
-        velocity, strain = self.coordinates(state)
-        model = f"the lifted model with {len(self.velocity_modes)} modes"
-        finite = np.isfinite(velocity).all(axis=1) & np.isfinite(strain).all(axis=1)
-        last = len(finite) if finite.all() else int(np.argmin(finite))
-        _, stiffness = lifted.energy_weights(scene)
-        shapes = self.strain_modes / stiffness
-        reach = np.linalg.norm(shapes, axis=0).max(initial=0)
-        with np.errstate(over="ignore"):
-            lengths = np.linalg.norm(strain[:last], axis=1)
-        row, particle = first_broken(-1, strain, shapes, np.flatnonzero(lengths * reach >= 1))
-        if row >= 0:
-            return Breakdown(scene.name, model, times[row], scene.bar_particle(particle))
-        return None if finite.all() else Breakdown(scene.name, model, times[last], 0)
-
-    def breakdown_between(self, state: np.ndarray, method: str) -> Breakdown | None:
-        """How a solution that is sound at its outputs broke down between them.
-
-        If they do not resolve the fastest wave, the model runs again with more of them; unless
-        energy excludes a fold: |e_i| is at most the length of all coordinates times that of the
-        particle's entries in the modes, and that length grows by the force alone, in explicit
-        Euler also by √(1 + Δt² ω² + Δt² ω d) a step.
-        """
-        scene, interval = self.scene, self.scene.error_interval
-        if not self.coupling.size:
-            return None
-        fastest = float(np.linalg.norm(self.coupling, 2))
-        if not scene.is_steady:
-            fastest *= np.sqrt(np.max(scene.largest_modulus() / scene.modulus()))
-        parts = int(np.ceil(fastest * interval / RESOLVED))
-        if parts <= 1 or (method == "lifted_euler" and scene.error_stride == 1):
-            return None
-        growth, step = 1.0, interval / parts
-        if method == "lifted_euler":
-            stride, step = scene.error_stride, scene.time_step
-            parts = next(n for n in range(min(parts, stride), stride + 1) if stride % n == 0)
-            damping = float(scene.damping_values().max(initial=0.0)) * step
-            z = fastest * step
-            growth = (1 + z**2 + z * damping) ** (stride / 2) if damping <= 2 else np.inf
-        velocity, strain = self.coordinates(state)
-        lengths = np.hypot(np.linalg.norm(velocity, axis=1), np.linalg.norm(strain, axis=1))
-        for force, course in zip(self.force.T, scene.courses(), strict=True):
-            lengths[:-1] += np.linalg.norm(force) * np.diff(course.impulse(scene.error_times))
-        _, stiffness = lifted.energy_weights(scene)
-        reach = np.linalg.norm(self.strain_modes / stiffness, axis=0).max()
-        if scene.is_steady and (growth * lengths[:-1] * reach < 0.99).all():
-            return None
-        finer = replace(self, scene=replace(scene, error_interval=interval / parts, time_step=step))
-        prepared = finer.prepare(method)
-        resolved = prepared.new_state()
-        prepared.run(scene.starting_state(), resolved)
-        return finer.breakdown(resolved)
 
 
 @dataclass(frozen=True)
@@ -473,60 +420,100 @@ def eigenmodes(operator: np.ndarray) -> OwnModes:
     return OwnModes(blocks, whole.size, to_modes, orthogonal=False, apart=False)
 
 
-@dataclass(frozen=True)
-class Prepared:
-    """A model ready to run, and to show its fields where they are asked for.
+@dataclass
+class LiftedRun(ReducedRun):
+    """A run of a lifted model: its state are the own coordinates, (coordinates, times).
 
     Attributes
     ----------
-    model : LiftedModel
+    reduced : LiftedModel
     method : str
     jumps : Jumps, or Steps where coefficients change with time
-    start : array, shape (coordinates, N)
-        Initial velocity [m/s] to own coordinates.
+    begun : array, shape (coordinates,)
+        Own coordinates at t = 0.
     """
 
-    model: LiftedModel
+    reduced: LiftedModel
     method: str
     jumps: Jumps | Steps
-    start: np.ndarray
+    begun: np.ndarray
 
-    def new_state(self) -> np.ndarray:
-        """An array for the own coordinates, shape (coordinates, times)."""
-        return np.zeros((len(self.start), self.model.scene.error_times.size))
-
-    def run(self, begin: np.ndarray, state: np.ndarray) -> None:
-        """Fill ``state`` from `Scene.starting_state`, at all times of the error integral.
-
-        Only the start sees the particles.
-        """
-        state[:, 0] = self.start @ begin
+    def run(self) -> Self:
+        (state,) = self.state
+        state[:, 0] = self.begun
         self.jumps.run(state)
+        return self
 
-    def solve(self) -> np.ndarray:
-        """Run the scene and give its own coordinates, shape (coordinates, times).
+    def coordinates(self) -> tuple[np.ndarray, np.ndarray]:
+        """Coordinates in the modes of velocity and strain, (times, kv) and (times, ke)."""
+        kv = len(self.reduced.velocity_modes)
+        both = self.state[0].T @ self.reduced.own.to_modes.T
+        return np.ascontiguousarray(both[:, :kv]), np.ascontiguousarray(both[:, kv:])
 
-        Raises
-        ------
-        Breakdown
-            The model is not finite, or its Jacobian 1 + e not positive.
+    def breakdown(self) -> Breakdown | None:
+        return self.breakdown_at_outputs() or self._breakdown_between()
+
+    def breakdown_at_outputs(self) -> Breakdown | None:
+        """Where it is not finite, or a Jacobian 1 + e not positive.
+
+        |e_i| is at most the length of the coordinates times that of the particle's entries in the
+        modes: a test that is usually enough, and sees no particle but once. J is reconstructed only
+        at the times at which the test fails.
         """
-        state = self.new_state()
-        self.run(self.model.scene.starting_state(), state)
-        model = self.model
-        breakdown = model.breakdown(state) or model.breakdown_between(state, self.method)
-        if breakdown is not None:
-            raise breakdown
-        return state
+        velocity, strain = self.coordinates()
+        finite = np.isfinite(velocity).all(axis=1) & np.isfinite(strain).all(axis=1)
+        last = len(finite) if finite.all() else int(np.argmin(finite))
+        _, stiffness = lifted.energy_weights(self.scene)
+        shapes = self.reduced.strain_modes / stiffness
+        reach = np.linalg.norm(shapes, axis=0).max(initial=0)
+        with np.errstate(over="ignore"):
+            lengths = np.linalg.norm(strain[:last], axis=1)
+        row, particle = first_broken(-1, strain, shapes, np.flatnonzero(lengths * reach >= 1))
+        if row >= 0:
+            return self.broken_at(row, particle)
+        return None if finite.all() else self.broken_at(last, 0)
 
-    def stored(self, state: np.ndarray) -> dict[str, np.ndarray]:
-        """What is kept of a solution: t (times,), and its coordinates (times, modes).
+    def _breakdown_between(self):
+        """How what is sound at its outputs broke down between them.
 
-        Where coefficients change with time also time_error_estimate (`reduced_in_time.Steps`).
+        If they do not resolve the fastest wave, the model runs again with more of them; unless
+        energy excludes a fold: |e_i| is at most the length of all coordinates times that of the
+        particle's entries in the modes, and that length grows by the force alone, in explicit
+        Euler also by √(1 + Δt² ω² + Δt² ω d) a step.
         """
-        velocity, strain = self.model.coordinates(state)
+        scene, model, interval = self.scene, self.reduced, self.scene.error_interval
+        if not model.coupling.size:
+            return None
+        fastest = float(np.linalg.norm(model.coupling, 2))
+        if not scene.is_steady:
+            fastest *= np.sqrt(np.max(scene.largest_modulus() / scene.modulus()))
+        parts = int(np.ceil(fastest * interval / RESOLVED))
+        if parts <= 1 or (self.method == "lifted_euler" and scene.error_stride == 1):
+            return None
+        growth, step = 1.0, interval / parts
+        if self.method == "lifted_euler":
+            stride, step = scene.error_stride, scene.time_step
+            parts = next(n for n in range(min(parts, stride), stride + 1) if stride % n == 0)
+            damping = float(scene.damping_values().max(initial=0.0)) * step
+            z = fastest * step
+            growth = (1 + z**2 + z * damping) ** (stride / 2) if damping <= 2 else np.inf
+        velocity, strain = self.coordinates()
+        lengths = np.hypot(np.linalg.norm(velocity, axis=1), np.linalg.norm(strain, axis=1))
+        for force, course in zip(model.force.T, scene.courses(), strict=True):
+            lengths[:-1] += np.linalg.norm(force) * np.diff(course.impulse(scene.error_times))
+        _, stiffness = lifted.energy_weights(scene)
+        reach = np.linalg.norm(model.strain_modes / stiffness, axis=0).max()
+        if scene.is_steady and (growth * lengths[:-1] * reach < 0.99).all():
+            return None
+        finer = replace(scene, error_interval=interval / parts, time_step=step)
+        run = replace(model, scene=finer).prepare(self.method)
+        return replace(run, begun=self.begun).run().breakdown_at_outputs()
+
+    def stored(self) -> dict[str, np.ndarray]:
+        """The coordinates; where models are stepped also `reduced_in_time.Steps.time_error`."""
+        velocity, strain = self.coordinates()
         found = {
-            "t": self.model.scene.error_times,
+            "t": self.times,
             "scaled_velocity_coordinates": velocity,
             "scaled_strain_coordinates": strain,
         }
@@ -537,22 +524,17 @@ class Prepared:
     @cached_property
     def shapes(self) -> tuple[np.ndarray, np.ndarray]:
         """Own modes as velocity [m/s] and as strain, shapes (coordinates, N) each."""
-        model, own = self.model, self.model.own
+        model, own = self.reduced, self.reduced.own
         mass, stiffness = lifted.energy_weights(model.scene)
         kv = len(model.velocity_modes)
         velocity = own.to_modes[:kv].T @ (model.velocity_modes / mass)
         strain = own.to_modes[kv:].T @ (model.strain_modes / stiffness)
         return (velocity[:kv], strain[kv:]) if own.apart else (velocity, strain)
 
-    def reconstruct(
-        self, state: np.ndarray, velocity: np.ndarray, strain: np.ndarray, first: int = 0
-    ) -> None:
-        """Fill fields (rows, N) from the outputs ``first``, ``first + 1``, …"""
-        columns = state[:, first : first + len(velocity)].T
-        kv = len(self.model.velocity_modes)
-        parts = (columns[:, :kv], columns[:, kv:]) if self.model.own.apart else (columns, columns)
-        for part, shape, field in zip(parts, self.shapes, (velocity, strain), strict=True):
-            np.matmul(part, shape, out=field)
+    def expansions(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        kv, both = len(self.reduced.velocity_modes), self.state[0].T
+        parts = (both[:, :kv], both[:, kv:]) if self.reduced.own.apart else (both, both)
+        return dict(zip(("velocity", "strain"), zip(parts, self.shapes, strict=True), strict=True))
 
 
 def repeat_sph(
@@ -564,77 +546,42 @@ def repeat_sph(
 ) -> dict[str, np.ndarray]:
     """Errors of ``lifted_euler`` for several mode counts; its coordinates, if it is only one.
 
-    Parameters
-    ----------
-    scene : Scene
-    mode_counts : ints
-        Velocity modes, or all there are.
-    modes : dict
-        As from `decompose`.
-    full, reference : dict
-        velocity and density (times, N), of full SPH and of a reference.
-
-    Returns
-    -------
-    dict
-        As that of `rom.sweep`, with scaled_velocity_coordinates and scaled_strain_coordinates.
-
-    Raises
-    ------
-    Breakdown
-        The model for a single mode count broke down; in a sweep, its errors are infinite.
+    Parameters, returns and errors are those of `rom.sweep`, with modes as from `decompose`, and
+    with scaled_velocity_coordinates and scaled_strain_coordinates.
     """
     counts = list(mode_counts)
     solutions = {"sph": full, "reference": reference}
 
-    def measure(solution):
-        prepared, state = solution
+    def measure(run):
         return {
             f"{field}_error_{name}": error
             for name, fields in solutions.items()
-            for field, error in field_errors(prepared, state, fields).items()
+            for field, error in field_errors(run, fields).items()
         }
 
-    found = solve_each(scene, counts, modes, "lifted_euler")
-    arrays = sweep(counts, found, measure, failed(FIELDS, *solutions), stored)
+    runs = prepare_each(scene, counts, modes, "lifted_euler")
+    arrays = sweep(counts, runs, measure, failed(FIELDS, *solutions))
     return arrays | {"modes_resolved": modes_resolved(modes, counts)}
 
 
-def solve_each(
-    scene: Scene, mode_counts: Iterable[int], modes: Mapping[str, np.ndarray], method: str
-) -> Iterator[tuple[Prepared, np.ndarray] | Breakdown]:
-    """A prepared model and its coordinates for each mode count, or how it broke down."""
-    counts = list(mode_counts)
-    for count in counts:
-        prepared = build(scene, modes, count, report_level(counts)).prepare(method)
-        try:
-            yield prepared, prepared.solve()
-        except Breakdown as breakdown:
-            yield breakdown
+def prepare_each(
+    scene: Scene, mode_counts: Sequence[int], modes: Mapping[str, np.ndarray], method: str
+) -> Iterator[LiftedRun]:
+    """A run for each mode count."""
+    for count in mode_counts:
+        yield build(scene, modes, count, report_level(mode_counts)).prepare(method)
 
 
-def stored(solution: tuple[Prepared, np.ndarray]) -> dict[str, np.ndarray]:
-    """What is kept of a model and its coordinates: `Prepared.stored`, `LiftedModel.system`."""
-    prepared, state = solution
-    return prepared.stored(state) | prepared.model.system()
-
-
-def field_errors(
-    prepared: Prepared, state: np.ndarray, solution: Mapping[str, np.ndarray]
-) -> dict[str, float]:
+def field_errors(run: Run, solution: Mapping[str, np.ndarray]) -> dict[str, float]:
     """Relative errors of velocity and density (section 3.1) against a solution (times, N).
 
     The fields are reconstructed a few outputs at a time.
     """
-    scene = prepared.model.scene
     wrong, right = dict.fromkeys(FIELDS, 0.0), dict.fromkeys(FIELDS, 0.0)
-    for rows in blocks(state.shape[1]):
-        shape = solution["velocity"][rows].shape
-        velocity, strain = np.empty(shape), np.empty(shape)
-        prepared.reconstruct(state, velocity, strain, rows.start)
-        for field, values in (("velocity", velocity), ("density", lifted.density(scene, strain))):
+    for rows in blocks(run.times.size):
+        for field, values in lifted.with_density(run, rows).items():
             expected = solution[field][rows]
-            values -= expected
-            wrong[field] += np.vdot(values, values)
+            difference = values - expected
+            wrong[field] += np.vdot(difference, difference)
             right[field] += np.vdot(expected, expected)
     return {field: share(np.sqrt(wrong[field]), np.sqrt(right[field])) for field in FIELDS}

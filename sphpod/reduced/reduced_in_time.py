@@ -319,7 +319,7 @@ def pumping(scene: Scene, times: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(grown)])
 
 
-def error_bounds(prepared: Any) -> np.ndarray:
+def error_bounds(run: Any) -> np.ndarray:
     """Bounds of the energy norm of the error, in norms of the time, at the outputs, (times,).
 
     Infinite, as the log reports, where the modulus jumps in time, or a coefficient changes more
@@ -327,10 +327,10 @@ def error_bounds(prepared: Any) -> np.ndarray:
 
     Parameters
     ----------
-    prepared : lifted_rom.Prepared
-        A model exact in time.
+    run : lifted_rom.LiftedRun
+        Of a model exact in time.
     """
-    model, scene = prepared.model, prepared.model.scene
+    model, scene = run.reduced, run.scene
     if unfollowed(scene):
         return np.full(scene.error_times.size, np.inf)
     if jumps_upwards(scene):
@@ -340,10 +340,10 @@ def error_bounds(prepared: Any) -> np.ndarray:
             scene.name, scene.youngs_modulus.text,
         )  # fmt: skip
         return np.full(scene.error_times.size, np.inf)
-    times = bound_times(prepared.jumps.terms)
-    state = np.zeros((len(prepared.start), times.size))
-    state[:, 0] = prepared.start @ scene.starting_state()
-    steps = Steps(prepared.jumps.terms, euler=False)
+    times = bound_times(run.jumps.terms)
+    state = np.zeros((run.begun.size, times.size))
+    state[:, 0] = run.begun
+    steps = Steps(run.jumps.terms, euler=False)
     steps.run(state, times)
     sizes = _residual_sizes(model, steps.terms, state, times)
     grown = pumping(scene, times)

@@ -22,6 +22,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, islice
+from typing import Self
 
 import numpy as np
 
@@ -29,7 +30,7 @@ from sphpod.full.sph import SOUND, UNCHANGING, Changes, change
 from sphpod.numerics.compiled import compiled, compiled_sums
 from sphpod.numerics.error import FIELDS, blocks, project_solution
 from sphpod.reduced.pod import resolved
-from sphpod.reduced.sweep import failed, report_level
+from sphpod.reduced.sweep import ReducedRun, failed, report_level
 from sphpod.reduced.sweep import sweep as repeat
 from sphpod.scene.breakdown import RESOLVED, Breakdown, first_broken
 from sphpod.scene.scene import Scene
@@ -38,9 +39,6 @@ logger = logging.getLogger(__name__)
 
 GROUP = 4
 """Modes, and models, that a kernel takes at once, so that it passes over memory less often."""
-
-Solution = tuple[np.ndarray, np.ndarray, Breakdown | None]
-"""Velocity coordinates (times, kv), density coordinates (times, kρ), and how the model broke."""
 
 
 def freeze_steps(method: str) -> int:
@@ -96,8 +94,8 @@ class ReducedModel:
 
     def prepare(
         self, steps: np.ndarray, start: tuple[np.ndarray, np.ndarray] | None = None
-    ) -> Callable[[np.ndarray, np.ndarray], None]:
-        """Project the equations: all that precedes the time loop, so that it can be timed alone.
+    ) -> "GalerkinRun":
+        """Project the equations: all that precedes the time loop.
 
         Parameters
         ----------
@@ -105,22 +103,25 @@ class ReducedModel:
             Ascending numbers of time steps after which the coordinates are kept.
         start : (velocity_coordinates, density_coordinates), shapes (kv,) and (kρ,), optional
             Coordinates at step 0; those of the scene's initial state if not given.
-
-        Returns
-        -------
-        callable
-            ``run(velocity_coordinates, density_coordinates)`` fills arrays of shapes (times, kv)
-            and (times, kρ).
         """
-        march, start_a, start_b, *arguments = self._project(steps)
+        kernel, start_a, start_b, *arguments = self._project(steps)
         if start is not None:
             start_a, start_b = map(_padded, start)
 
-        def run(velocity_coordinates, density_coordinates):
-            a, b = start_a.copy(), start_b.copy()
-            march((a, b), *arguments, steps, (velocity_coordinates, density_coordinates))
+        def march(kept):
+            kernel((start_a.copy(), start_b.copy()), *arguments, steps, kept)
 
-        return run
+        state = tuple(np.empty((steps.size, len(modes))) for modes in self.modes)
+        return self._run(steps, state, march, start)
+
+    def _run(self, steps, state, march, start=None):
+        name, times = f"the {self.method} model with {len(self.modes[0])} modes", self.scene.times
+        return GalerkinRun(self.scene, name, times(steps), state, self, steps, march, start)
+
+    @property
+    def modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Of velocity and of density."""
+        return self.velocity_modes, self.density_modes
 
     def _project(self, steps):
         """Kernel, initial coordinates, and the operators and forces that the kernel takes."""
@@ -241,27 +242,6 @@ class ReducedModel:
             "density_output": np.pad(rho_modes, ((kv, 0), (0, 0))),
         }
 
-    def solve(self, steps: np.ndarray) -> Solution:
-        """Run the model.
-
-        Parameters
-        ----------
-        steps : int array, shape (times,)
-
-        Returns
-        -------
-        velocity_coordinates, density_coordinates : arrays, shapes (times, kv) and (times, kρ)
-        breakdown : Breakdown or None
-            The first time at which the model is not finite or its density not positive: of those
-            kept, or of more between them that resolve the fastest wave (`breakdown.RESOLVED`).
-        """
-        run = self.prepare(steps)
-        velocity_coordinates = np.empty((steps.size, len(self.velocity_modes)))
-        density_coordinates = np.empty((steps.size, len(self.density_modes)))
-        run(velocity_coordinates, density_coordinates)
-        breakdown = self._breakdown(velocity_coordinates, density_coordinates, steps)
-        return velocity_coordinates, density_coordinates, breakdown
-
     def _project_forces(self, dt, step_count):
         """Damping and force of a step: 1 - Δt d where d is the same everywhere, else 1 and the
         matrix -Δt Uvᵀ D Uv; amplitudes of the force in every step, and Δt times its projections
@@ -278,80 +258,104 @@ class ReducedModel:
         push = dt * profiles @ modes.T if amplitudes.size else np.zeros((0, len(modes)))
         return decay, damping, amplitudes, push
 
-    def _breakdown(self, velocity_coordinates, density_coordinates, steps):
-        row, particle = self._broken(velocity_coordinates, density_coordinates)
-        if row < 0:
-            steps, row, particle = self._broken_between(steps, density_coordinates)
-        if row < 0:
-            return None
-        model = f"the {self.method} model with {len(self.velocity_modes)} modes"
-        return Breakdown(
-            self.scene.name, model, self.scene.times(steps)[row], self.scene.bar_particle(particle)
-        )
 
-    def _broken_between(self, steps, density_coordinates):
-        """Steps between those that were kept, and the first broken of them and its particle.
+@dataclass
+class GalerkinRun(ReducedRun):
+    """A run of a projected model: its state are the coordinates, (times, kv) and (times, kρ).
 
-        Where what was kept does not resolve the fastest wave of the model at rest, the model runs
-        again and keeps steps that do; where strains of one half are met, it keeps every step.
+    Attributes
+    ----------
+    reduced : ReducedModel
+    steps : int array, shape (times,)
+    march : callable
+        Fills a state.
+    start : (velocity_coordinates, density_coordinates), optional
+        As `ReducedModel.prepare` was given.
+    """
+
+    reduced: ReducedModel
+    steps: np.ndarray
+    march: Callable[[tuple[np.ndarray, ...]], None]
+    start: tuple[np.ndarray, np.ndarray] | None
+
+    def run(self) -> Self:
+        self.march(self.state)
+        return self
+
+    def expansions(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        return dict(zip(FIELDS, zip(self.state, self.reduced.modes, strict=True), strict=True))
+
+    def stored(self) -> dict[str, np.ndarray]:
+        velocity, density = self.state
+        return {
+            "t": self.times, "velocity_coordinates": velocity, "density_coordinates": density,
+        }  # fmt: skip
+
+    def breakdown(self) -> Breakdown | None:
+        """Of the outputs, or of more between them that resolve the fastest wave (`RESOLVED`).
+
+        Where outputs do not resolve that of the model at rest, it runs again and keeps steps that
+        do; where strains of one half are met, it keeps every step.
         """
-        kv, widest = len(self.velocity_modes), np.diff(steps, prepend=0).max(initial=0)
+        row, particle = self._broken()
+        if row >= 0:
+            return self.broken_at(row, particle)
+        kv, widest = len(self.reduced.velocity_modes), np.diff(self.steps, prepend=0).max(initial=0)
         if widest <= 1:
-            return steps, -1, -1
-        operator = self.operator()
+            return None
+        operator = self.reduced.operator()
         sides = operator[:kv, kv:], operator[kv:, :kv]
         stiffer = np.max(self.scene.largest_modulus() / self.scene.modulus())
         rate = np.sqrt(np.prod([np.linalg.norm(side) for side in sides]) * stiffer)
         rate *= self.scene.time_step
         every = max(1, int(min(RESOLVED / rate, widest))) if rate > 0 else widest
+        looked: GalerkinRun = self
         if every < widest:
-            steps, density_coordinates, found = self._looked_at(steps, every)
-            if found[0] >= 0:
-                return steps, *found
-        if every > 1 and self._strained(density_coordinates):
-            steps, _, found = self._looked_at(steps, 1)
-            return steps, *found
-        return steps, -1, -1
+            looked = self._finer(every)
+            row, particle = looked._broken()
+        if row < 0 and every > 1 and looked._strained():
+            looked = self._finer(1)
+            row, particle = looked._broken()
+        return looked.broken_at(row, particle) if row >= 0 else None
 
-    def _strained(self, density_coordinates):
+    def _finer(self, every):
+        """The same run with more outputs."""
+        steps = np.union1d(self.steps, np.arange(0, self.steps[-1] + 1, every)).astype(np.int64)
+        return self.reduced.prepare(steps, self.start).run()
+
+    def _strained(self):
         """Whether a strain from the first row on is `SOUND` or more; sees no particle if it can."""
-        reach = np.linalg.norm(self.density_modes, axis=0)
-        first = density_coordinates[0] @ self.density_modes
-        moved = np.linalg.norm(density_coordinates - density_coordinates[0], axis=1)
+        modes, (_, rows) = self.reduced.density_modes, self.state
+        first = rows[0] @ modes
+        moved = np.linalg.norm(rows - rows[0], axis=1)
+        reach = np.linalg.norm(modes, axis=0)
         doubts = np.flatnonzero(moved * np.max(reach / first) >= SOUND / (1 + SOUND))
         return any(
-            np.abs(first / (density_coordinates[doubts[rows]] @ self.density_modes) - 1).max()
-            >= SOUND
-            for rows in blocks(doubts.size)
+            np.abs(first / (rows[doubts[some]] @ modes) - 1).max() >= SOUND
+            for some in blocks(doubts.size)
         )
 
-    def _looked_at(self, steps, every):
-        steps = np.union1d(steps, np.arange(0, steps[-1] + 1, every)).astype(np.int64)
-        velocity = np.empty((steps.size, len(self.velocity_modes)))
-        density = np.empty((steps.size, len(self.density_modes)))
-        self.prepare(steps)(velocity, density)
-        return steps, density, self._broken(velocity, density)
-
-    def _broken(self, velocity_coordinates, density_coordinates):
+    def _broken(self):
         """First row and particle without finite state and positive Jacobian J, or (-1, -1).
 
         J = ρ0/ρ is positive where ρ is, and |ρ_i(t) - ρ_i(0)| is at most the length of what the
         coordinates moved times that of the particle's entries in the modes: a test that is usually
         enough, and sees no particle but once. ρ is reconstructed only where the test fails.
         """
-        finite = np.isfinite(velocity_coordinates).all(1) & np.isfinite(density_coordinates).all(1)
+        velocity, density = self.state
+        finite = np.isfinite(velocity).all(1) & np.isfinite(density).all(1)
         bad = -1 if finite.all() else int(np.argmin(finite))
-        rows = density_coordinates[: bad if bad >= 0 else None]
+        rows, modes = density[: bad if bad >= 0 else None], self.reduced.density_modes
         if len(rows):
-            reach = np.linalg.norm(self.density_modes, axis=0)
-            first = rows[0] @ self.density_modes
+            reach = np.linalg.norm(modes, axis=0)
+            first = rows[0] @ modes
             if first.min() > 0:
                 with np.errstate(over="ignore"):
                     moved = np.linalg.norm(rows - rows[0], axis=1)
                     suspects = np.flatnonzero(moved * np.max(reach / first) >= 1)
             else:
                 suspects = np.arange(len(rows))
-            found = first_broken(0, rows, self.density_modes, suspects)
+            found = first_broken(0, rows, modes, suspects)
             if found[0] >= 0:
                 return found
         return bad, 0 if bad >= 0 else -1
@@ -400,26 +404,17 @@ def sweep(
         for name, fields in (("sph", sph), ("reference", reference))
     }
 
-    def measure(reduced):
+    def measure(run):
         return {
             f"{field}_error_{name}": projected[field].relative_error(coordinates)
             for name, projected in solutions.items()
-            for field, coordinates in zip(FIELDS, reduced, strict=True)
-        }
-
-    def kept(reduced):
-        velocity, density = reduced
-        return {
-            "t": scene.error_times,
-            "velocity_coordinates": velocity,
-            "density_coordinates": density,
-            **models[0].system(),
+            for field, coordinates in zip(FIELDS, run.state, strict=True)
         }
 
     level = report_level(counts) if level is None else level
     models = [model(scene, method, modes, count, level) for count in counts]
-    found = (broken or reduced for *reduced, broken in solve_each(models, scene.error_steps))
-    arrays = repeat(counts, found, measure, failed(FIELDS, *solutions), kept)
+    runs = prepare_each(models, scene.error_steps)
+    arrays = repeat(counts, runs, measure, failed(FIELDS, *solutions))
     return arrays | {"modes_resolved": modes_resolved(modes, counts)}
 
 
@@ -459,11 +454,11 @@ def sweep_pair(
     }
 
 
-def solve_each(models: Iterable[ReducedModel], steps: np.ndarray) -> Iterator[Solution]:
-    """Solutions of models of one scene and method, of which each has the modes of the one before.
+def prepare_each(models: Iterable[ReducedModel], steps: np.ndarray) -> Iterator[GalerkinRun]:
+    """Runs of models of one scene and method, of which each has the modes of the one before.
 
-    Where the particles are seen in every step, up to four models of about the same size are run
-    together, which passes over the modes once for all of them.
+    Where the particles are seen in every step, up to four models of about the same size run
+    together already here, which passes over the modes once for all of them.
     """
 
     def size(model):
@@ -476,13 +471,13 @@ def solve_each(models: Iterable[ReducedModel], steps: np.ndarray) -> Iterator[So
     for (_, _, together), same in groupby(models, size):
         while group := list(islice(same, GROUP)):
             if together and len(group) > 1:
-                yield from _solve_four(group, steps)
+                yield from _four(group, steps)
             else:
-                yield from (model.solve(steps) for model in group)
+                yield from (model.prepare(steps) for model in group)
 
 
-def _solve_four(models, steps):
-    """Solutions of two to four models; where there are fewer than four, the last runs twice."""
+def _four(models, steps):
+    """Runs of two to four models that have run; of fewer than four, the last runs twice."""
     _, start_a, start_b, *arguments = models[-1]._project(steps)
     four = [*models, *[models[-1]] * (GROUP - len(models))]
     mask_a = np.array([np.arange(start_a.size) < len(m.velocity_modes) for m in four], float)
@@ -492,11 +487,12 @@ def _solve_four(models, steps):
     density = np.empty((steps.size, *b.shape))
     march_four((a, b, mask_a, mask_b), *arguments, steps, (velocity, density))
     for n, model in enumerate(models):
-        reduced = (
+        state = (
             np.ascontiguousarray(velocity[:, n, : len(model.velocity_modes)]),
             np.ascontiguousarray(density[:, n, : len(model.density_modes)]),
         )
-        yield *reduced, model._breakdown(*reduced, steps)
+        # Nothing is left to run.
+        yield model._run(steps, state, lambda state: None)
 
 
 def acceleration_contenders(n_freeze: Iterable[int]) -> list[str]:
@@ -532,9 +528,9 @@ def accelerate(
     errors = {field: np.full((len(contenders), len(counts)), np.inf) for field in FIELDS}
     for row, method in enumerate(contenders):
         for column, count in enumerate(counts):
-            *reduced, breakdown = model(scene, method, modes, count).solve(scene.error_steps)
-            if breakdown is None:
-                for field, coordinates in zip(FIELDS, reduced, strict=True):
+            run = model(scene, method, modes, count).prepare(scene.error_steps).run()
+            if run.breakdown() is None:
+                for field, coordinates in zip(FIELDS, run.state, strict=True):
                     errors[field][row, column] = projected[field].relative_error(coordinates)
     return {
         "contender": np.array(contenders),
@@ -579,7 +575,14 @@ def model(
             "scene %s: %d modes asked for, the snapshots hold %d of velocity and %d of density",
             scene.name, count, len(velocity_modes), len(density_modes),
         )  # fmt: skip
-    return ReducedModel(scene, method, velocity_modes[:count], density_modes[:count])
+    return galerkin(scene, method, modes, count)
+
+
+def galerkin(
+    scene: Scene, method: str, modes: Mapping[str, np.ndarray], count: int
+) -> ReducedModel:
+    """The same, of which nothing is reported."""
+    return ReducedModel(scene, method, *(modes[f"{field}_modes"][:count] for field in FIELDS))
 
 
 NEAREST_CACHE = 32768

@@ -1,42 +1,64 @@
-"""Errors of a reduced model for several mode counts, whichever model it is."""
+"""Runs of reduced models, and their errors for several mode counts, whichever model it is."""
 
 import logging
+from abc import abstractmethod
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TypeVar
+from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import numpy as np
 
-from sphpod.scene.breakdown import Breakdown
+from sphpod.scene.run import ALL, Run
 
-Solution = TypeVar("Solution")
+
+@dataclass
+class ReducedRun(Run):
+    """A reduced model: its fields are coordinates times modes.
+
+    Attributes
+    ----------
+    reduced : ReducedModel or LiftedModel
+    """
+
+    reduced: Any
+
+    @abstractmethod
+    def expansions(self) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+        """Of each field its coordinates (outputs, modes) and its modes (modes, N)."""
+
+    def fields(self, rows: slice = ALL) -> dict[str, np.ndarray]:
+        return {
+            name: coordinates[rows] @ modes
+            for name, (coordinates, modes) in self.expansions().items()
+        }
+
+
+Each = TypeVar("Each", bound=ReducedRun)
 
 
 def sweep(
     mode_counts: Iterable[int],
-    solutions: Iterable[Solution | Breakdown],
-    measure: Callable[[Solution], Mapping[str, float]],
+    runs: Iterable[Each],
+    measure: Callable[[Each], Mapping[str, float]],
     columns: Mapping[str, float],
-    kept: Callable[[Solution], Mapping[str, np.ndarray]],
 ) -> dict[str, np.ndarray]:
-    """Measure the solution for each mode count, and keep that of a single one.
+    """Run the model for each mode count and measure it; keep the solution of a single one.
 
     Parameters
     ----------
     mode_counts : ints
-    solutions : iterable
-        One for each count, or how its model broke down.
+    runs : iterable
+        One for each count.
     measure : callable
-        Numbers by name, of a solution.
+        Numbers by name, of a run.
     columns : dict
         Names of these numbers, each with what stands for it where a model broke down.
-    kept : callable
-        Arrays by name, of a solution.
 
     Returns
     -------
     dict
         mode_count, each column, and breakdown_time [s] (NaN where none), of shape (counts,); and
-        for a single count what is kept of its solution.
+        for a single count what is stored of its run and the system of its model.
 
     Raises
     ------
@@ -46,16 +68,17 @@ def sweep(
     counts = list(mode_counts)
     arrays = {name: np.full(len(counts), value) for name, value in columns.items()}
     arrays["breakdown_time"] = np.full(len(counts), np.nan)
-    for n, solution in enumerate(solutions):
-        if isinstance(solution, Breakdown):
+    for n, run in enumerate(runs):
+        broken = run.run().breakdown()
+        if broken is not None:
             if len(counts) == 1:
-                raise solution
-            arrays["breakdown_time"][n] = solution.time
+                raise broken
+            arrays["breakdown_time"][n] = broken.time
             continue
-        for name, value in measure(solution).items():
+        for name, value in measure(run).items():
             arrays[name][n] = value
         if len(counts) == 1:
-            arrays |= kept(solution)
+            arrays |= run.stored() | run.reduced.system()
     return {"mode_count": np.array(counts), **arrays}
 
 

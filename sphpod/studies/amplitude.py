@@ -29,9 +29,9 @@ from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS, project
 from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import lifted_rom, pod
-from sphpod.reduced.rom import ReducedModel
+from sphpod.reduced.rom import galerkin
 from sphpod.reduced.snapshots import output_steps, sampling_steps
-from sphpod.scene.breakdown import Breakdown
+from sphpod.reduced.sweep import ReducedRun
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import STEADY, Dataset, Drawing, Study
 
@@ -156,15 +156,7 @@ def study(
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
-    """A study as a table, a row a contender and amplitude.
-
-    Parameters
-    ----------
-    place : dict
-        What stands first in every row, such as scene, sampling and modes.
-    arrays : dict
-        As from `study`.
-    """
+    """A study as a table, a row a contender and amplitude."""
     folding = float(arrays["folding_amplitude"])
     for row, name in enumerate(arrays["contender"]):
         for n, factor in enumerate(arrays["amplitude"]):
@@ -202,11 +194,10 @@ def folding_amplitude(scene: Scene, steps: np.ndarray) -> float:
     ValueError
         No amplitude up to `LARGEST` makes it break down.
     """
-    sph.solve(scene, steps)
-    fields = np.empty((2, steps.size, scene.particle_count))
+    sph.prepare(scene, steps).solve()
 
     def folds(factor):
-        return sph.prepare(scaled(scene, factor), steps)(*fields) >= 0
+        return sph.prepare(scaled(scene, factor), steps).run().breakdown() is not None
 
     low, high = 1.0, 2.0
     while not folds(high):
@@ -225,41 +216,38 @@ def folding_amplitude(scene: Scene, steps: np.ndarray) -> float:
 
 def _run_sph(scene, steps, sampling):
     """Full SPH at the times of the error integral, its snapshots, and its smallest Jacobian."""
-    velocity, density = fields = np.empty((2, steps.size, scene.particle_count))
-    failed = sph.prepare(scene, steps)(velocity, density)
-    whole = steps.size if failed < 0 else failed // scene.particle_count
-    kept = dict(zip(FIELDS, fields[:, :whole], strict=True))
+    run = sph.prepare(scene, steps).run()
+    whole = steps.size if run.failed < 0 else run.failed // scene.particle_count
+    kept = run.fields(slice(whole))
     taken = {"x": scene.positions}
     for field, chosen in zip(FIELDS, sampling_steps(scene, sampling), strict=True):
         at = np.searchsorted(steps, chosen)
         taken[f"{field}_snapshots"] = kept[field][at[at < whole]]
     with np.errstate(all="ignore"):
-        jacobian = np.nanmin(scene.density0() / density[: whole + 1])
+        jacobian = np.nanmin(scene.density0() / run.fields(slice(whole + 1))["density"])
     at = np.searchsorted(steps, scene.error_steps)
     own = {field: values[at[at < whole]] for field, values in kept.items()}
-    time = np.nan if failed < 0 else scene.times(steps)[whole]
+    time = np.nan if run.failed < 0 else run.times[whole]
     return Solution(own, time), taken, jacobian
 
 
 def _reduce(scene, name, modes, count, reference):
     """Errors of a reduced model against a full solution, and when it broke down."""
     errors = dict.fromkeys(FIELDS, np.nan if np.isfinite(reference.breakdown_time) else np.inf)
+    run: ReducedRun
     if name in lifted_rom.METHODS:
-        prepared = lifted_rom.build(scene, modes, count).prepare(name)
-        try:
-            state = prepared.solve()
-        except Breakdown as breakdown:
-            return errors, breakdown.time
-        if np.isnan(reference.breakdown_time):
-            errors = lifted_rom.field_errors(prepared, state, reference.fields)
-        return errors, np.nan
-    chosen = [modes[f"{field}_modes"][:count] for field in FIELDS]
-    *reduced, broken = ReducedModel(scene, name, *chosen).solve(scene.error_steps)
+        run = lifted_rom.build(scene, modes, count).prepare(name)
+    else:
+        run = galerkin(scene, name, modes, count).prepare(scene.error_steps)
+    broken = run.run().breakdown()
     if broken is not None:
         return errors, broken.time
-    if np.isnan(reference.breakdown_time):
-        for field, shapes, coordinates in zip(FIELDS, chosen, reduced, strict=True):
-            errors[field] = project(reference.fields[field], shapes).relative_error(coordinates)
+    if np.isfinite(reference.breakdown_time):
+        return errors, np.nan
+    if name in lifted_rom.METHODS:
+        return lifted_rom.field_errors(run, reference.fields), np.nan
+    for field, (coordinates, shapes) in run.expansions().items():
+        errors[field] = project(reference.fields[field], shapes).relative_error(coordinates)
     return errors, np.nan
 
 

@@ -8,8 +8,9 @@ evaluates it as it runs where it is smooth. Errors are those of the very runs th
 """
 
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,9 +20,11 @@ from sphpod.full import lifted, sph
 from sphpod.numerics import timing
 from sphpod.numerics.error import FIELDS, relative_error
 from sphpod.reduced import lifted_rom, pod, snapshots
-from sphpod.reduced.rom import ReducedModel, acceleration_contenders, freeze_steps, modes_resolved
+from sphpod.reduced.rom import acceleration_contenders, freeze_steps, galerkin, modes_resolved
+from sphpod.reduced.sweep import ReducedRun
 from sphpod.reference import exact, reference
 from sphpod.scene import waves
+from sphpod.scene.run import Run
 from sphpod.scene.scene import Scene
 from sphpod.studies.cpu_time import BASELINES
 from sphpod.studies.study import Dataset, Drawing, Study, accelerated
@@ -41,8 +44,6 @@ TOLERANCES = {"rk45": (1e-3, 1e-5, 1e-7), "dop853": (1e-4, 1e-6, 1e-8)}
 SHORTEST = 0.02
 """Seconds that a timed run lasts at least; a shorter one is repeated until it does."""
 
-Fields = tuple[np.ndarray, np.ndarray]
-
 
 @dataclass(frozen=True)
 class Contender:
@@ -51,20 +52,11 @@ class Contender:
     Attributes
     ----------
     method, integrator : str
-    scene : Scene
-        With its own particle count and time step.
-    run : callable
-        Fills ``kept``.
-    kept : arrays
-        What a run keeps of the state, at all times of the error integral.
-    fields : callable
-        Velocity and density (times, N) of what was kept.
+    run : Run
     modes, n_freeze : int
         0 where there are none.
     tolerance : float
         Of an adaptive integrator, else NaN.
-    reconstruct : callable, optional
-        Fills fields from what was kept; None where fields are kept.
     projection_seconds : float
         CPU time of the preparation [s].
     resolved : bool
@@ -73,34 +65,23 @@ class Contender:
 
     method: str
     integrator: str
-    scene: Scene
-    run: Callable[[], object]
-    fields: Callable[[], Fields]
+    run: Run
     modes: int = 0
     n_freeze: int = 0
     tolerance: float = np.nan
-    reconstruct: Callable[[], object] | None = None
     projection_seconds: float = 0.0
     resolved: bool = True
+
+    @property
+    def scene(self) -> Scene:
+        """With its own particle count and time step."""
+        return self.run.scene
 
     @property
     def time_step(self) -> float:
         """Δt [s] of a model that steps evenly, else NaN."""
         fixed = self.integrator in (*lifted.FIXED_STEP, "repeats explicit_euler")
         return self.scene.time_step if fixed else np.nan
-
-
-class Buffers:
-    """Arrays that contenders of one shape share, written to before any run."""
-
-    def __init__(self) -> None:
-        self.arrays: dict[tuple[str, tuple[int, ...]], np.ndarray] = {}
-
-    def get(self, name: str, *shape: int) -> np.ndarray:
-        """The array of that name and shape."""
-        if (name, shape) not in self.arrays:
-            self.arrays[name, shape] = np.zeros(shape)
-        return self.arrays[name, shape]
 
 
 @threadpool_limits.wrap(limits=1)
@@ -137,26 +118,26 @@ def compare(
         against centred differences where no exact solution is known); offline_seconds
         (contenders, 3) [s]: of snapshots, modes and projection.
     """
-    buffers = Buffers()
+    buffers = timing.Buffers()
     offline = _offline(scene, sampling, taken, repeats)
-    contenders = [
-        *_full_models(scene, buffers),
-        *_reduced_models(scene, sampling, study, taken, buffers),
-    ]
+    contenders = [*_full_models(scene), *_reduced_models(scene, study, taken)]
+    for contender in contenders:
+        buffers.shared(contender.run)
+    reconstructed = np.zeros((2, scene.error_times.size, scene.particle_count))
     references: dict[int, Mapping[str, np.ndarray]] = {}
     errors = np.full((2, 2, len(contenders)), np.nan)
     numbers = []
     for n, contender in enumerate(contenders):
-        numbers.append(timing.warm_up(contender.run, SHORTEST))
+        numbers.append(timing.warm_up(contender.run.run, SHORTEST))
         count = contender.scene.particle_count
         if count not in references:
             references[count] = _reference(contender.scene)
-        for f, (field, values) in enumerate(zip(FIELDS, contender.fields(), strict=True)):
+        for f, (field, values) in enumerate(lifted.with_density(contender.run).items()):
             if count == scene.particle_count:
                 errors[0, f, n] = relative_error(values, full[field])
             errors[1, f, n] = relative_error(values, references[count][field])
-    runs = [contender.run for contender in contenders]
-    reconstructions = [contender.reconstruct or _nothing for contender in contenders]
+    runs = [contender.run.run for contender in contenders]
+    reconstructions = [partial(_reconstruct, c.run, reconstructed) for c in contenders]
     return {
         "contender": np.array([c.method for c in contenders]),
         "integrator": np.array([c.integrator for c in contenders]),
@@ -182,8 +163,11 @@ def compare(
     }
 
 
-def _nothing() -> None:
-    """The reconstruction of a model that keeps fields."""
+def _reconstruct(run, fields):
+    """The fields of a reduced model; a full one keeps them."""
+    if isinstance(run, ReducedRun):
+        for (coordinates, modes), field in zip(run.expansions().values(), fields, strict=True):
+            np.matmul(coordinates, modes, out=field)
 
 
 def _reference(scene):
@@ -196,12 +180,10 @@ def _reference(scene):
 def _offline(scene, sampling, taken, repeats):
     """CPU times [s] of the snapshots, and of their modes for a method."""
     steps = np.union1d(*snapshots.sampling_steps(scene, sampling))
-    kept = np.zeros((2, steps.size, scene.particle_count))
-    run = sph.prepare(scene, steps, "stencil")
-    run(*kept)
+    run = sph.prepare(scene, steps, "stencil").run()
     seconds = timing.measure(
         [
-            lambda: run(*kept),
+            run.run,
             lambda: pod.decompose(taken),
             lambda: lifted_rom.decompose(scene, taken),
         ],
@@ -222,27 +204,27 @@ def _timed(prepare, *arguments):
 # --- Full models ----------------------------------------------------------------------------------
 
 
-def _full_models(scene: Scene, buffers: Buffers) -> Iterator[Contender]:
+def _full_models(scene: Scene) -> Iterator[Contender]:
     """The scene's own discretisation first, then others."""
-    yield _sph(scene, "lists", buffers)
+    yield _sph(scene, "lists")
     for factor in (1, *EULER_STEPS):
         if finer := _with(scene, 1, factor):
-            yield _sph(finer, "stencil", buffers)
-            yield _lifted_full(finer, "explicit_euler", buffers)
+            yield _sph(finer, "stencil")
+            yield _lifted_full(finer, "explicit_euler")
     intervals = [scene.error_interval / n for n in (1, 2, 5, 10)]
     largest = 2 / waves.fastest_wave(scene)
     for integrator in ("symplectic_euler", "leapfrog"):
         for step in {*intervals, scene.time_step}:
             if step < largest:
-                yield _lifted_full(replace(scene, time_step=step), integrator, buffers)
+                yield _lifted_full(replace(scene, time_step=step), integrator)
     for integrator, tolerances in TOLERANCES.items():
         for tolerance in tolerances:
-            yield _lifted_full(scene, integrator, buffers, tolerance)
-    yield _lifted_full(scene, "exact", buffers)
+            yield _lifted_full(scene, integrator, tolerance)
+    yield _lifted_full(scene, "exact")
     for factor in SPACINGS:
         if other := _with(scene, factor, factor):
-            yield _sph(other, "stencil", buffers)
-            yield _lifted_full(other, "leapfrog", buffers)
+            yield _sph(other, "stencil")
+            yield _lifted_full(other, "leapfrog")
 
 
 def _with(scene, spacing, step):
@@ -256,100 +238,54 @@ def _with(scene, spacing, step):
     return other if usable else None
 
 
-def _sph(scene, neighbours, buffers):
-    velocity, density = _kept(scene, buffers)
+def _sph(scene, neighbours):
     run = sph.prepare(scene, scene.error_steps, neighbours)
     name = {"lists": "sph_neighbour_lists", "stencil": "sph_stencil"}[neighbours]
-    return Contender(
-        name, "explicit_euler", scene, lambda: run(velocity, density), lambda: (velocity, density)
-    )
+    return Contender(name, "explicit_euler", run)
 
 
-def _lifted_full(scene, integrator, buffers, tolerance=np.nan):
-    velocity, strain = _kept(scene, buffers)
+def _lifted_full(scene, integrator, tolerance=np.nan):
     run = lifted.prepare(scene, integrator, tolerance=tolerance)
-    return Contender(
-        "lifted_full_exact" if integrator == "exact" else "lifted_full_stencil",
-        integrator,
-        scene,
-        lambda: run(velocity, strain),
-        lambda: (velocity, lifted.density(scene, strain)),
-        tolerance=tolerance,
-    )
-
-
-def _kept(scene, buffers):
-    shape = scene.error_times.size, scene.particle_count
-    return buffers.get("velocity", *shape), buffers.get("density", *shape)
+    kind = "exact" if integrator == "exact" else "stencil"
+    return Contender(f"lifted_full_{kind}", integrator, run, tolerance=tolerance)
 
 
 # --- Reduced models -------------------------------------------------------------------------------
 
 
-def _reduced_models(scene, sampling, study, taken, buffers) -> Iterator[Contender]:
+def _reduced_models(scene, study, taken) -> Iterator[Contender]:
     modes = pod.decompose(taken)
     available = max(len(modes["velocity_modes"]), len(modes["density_modes"]))
     counts = sorted({*study["mode_counts"], *(k for k in MODE_COUNTS if k <= available)})
     for method in acceleration_contenders(study["n_freeze"]):
         for count in counts:
-            yield _paper_model(scene, method, count, modes, buffers)
+            yield _paper_model(scene, method, count, modes)
     energy_modes = lifted_rom.decompose(scene, taken)
     for method in lifted_rom.METHODS:
         for count in counts:
-            yield _lifted_model(scene, method, count, energy_modes, buffers)
+            yield _lifted_model(scene, method, count, energy_modes)
 
 
-def _paper_model(scene, method, count, modes, buffers):
-    chosen = modes["velocity_modes"][:count], modes["density_modes"][:count]
-    model = ReducedModel(scene, method, *chosen)
-    run, seconds = _timed(model.prepare, scene.error_steps)
-    kept = [buffers.get(f"coordinates {n}", scene.error_times.size, len(m)) for n, m in
-            enumerate(chosen)]  # fmt: skip
-    fields = _kept(scene, buffers)
-
-    def reconstruct():
-        for coordinates, rows, field in zip(kept, chosen, fields, strict=True):
-            np.matmul(coordinates, rows, out=field)
-
-    def shown():
-        reconstruct()
-        return fields
-
+def _paper_model(scene, method, count, modes):
+    run, seconds = _timed(galerkin(scene, method, modes, count).prepare, scene.error_steps)
     return Contender(
         method,
         "explicit_euler",
-        scene,
-        lambda: run(*kept),
-        shown,
+        run,
         count,
         freeze_steps(method),
-        reconstruct=reconstruct,
         projection_seconds=seconds,
         resolved=bool(modes_resolved(modes, [count])[0]),
     )
 
 
-def _lifted_model(scene, method, count, modes, buffers):
-    model = lifted_rom.build(scene, modes, count)
-    prepared, seconds = _timed(lambda: lifted_rom.build(scene, modes, count).prepare(method))
-    prepared = model.prepare(method)
-    state = buffers.get("state", *prepared.new_state().shape)
-    velocity, strain = _kept(scene, buffers)
-    begin = scene.starting_state()
-    prepared.reconstruct(state, velocity, strain)
-
-    def shown():
-        prepared.reconstruct(state, velocity, strain)
-        return velocity, lifted.density(scene, strain)
-
+def _lifted_model(scene, method, count, modes):
+    run, seconds = _timed(lambda: lifted_rom.build(scene, modes, count).prepare(method))
     return Contender(
         method,
         {"lifted_euler": "repeats explicit_euler", "lifted_exact": "exact"}[method],
-        scene,
-        lambda: prepared.run(begin, state),
-        shown,
+        run,
         count,
-        reconstruct=lambda: prepared.reconstruct(state, velocity, strain),
         projection_seconds=seconds,
         resolved=bool(lifted_rom.modes_resolved(modes, [count])[0]),
     )
@@ -364,15 +300,6 @@ def rows(
     against the fastest explicit Euler full model with the scene's particles and time step, in
     density or strain; and against the fastest full model of all whose errors against the exact
     solution are not above those of full SPH.
-
-    Parameters
-    ----------
-    place : dict
-        scene and sampling.
-    measured : dict
-        As from ``compare``.
-    settings : dict
-        Those that a dataset holds; of them, the machine.
     """
     lower, median, upper = np.quantile(measured["cpu_seconds"], (0.25, 0.5, 0.75), axis=1)
     both = measured["cpu_seconds"] + measured["reconstruction_seconds"]

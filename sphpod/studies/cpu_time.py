@@ -1,21 +1,19 @@
 """CPU time of full SPH and of the paper's reduced models, at the times of the error integral."""
 
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 from typing import Any
 
 import numpy as np
 
 from sphpod.full import sph
 from sphpod.numerics import timing
-from sphpod.reduced.rom import ReducedModel, acceleration_contenders, freeze_steps
+from sphpod.reduced.rom import acceleration_contenders, freeze_steps, galerkin
+from sphpod.scene.run import Run
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import Dataset, Study, accelerated
 
 BASELINES = ("sph_neighbour_lists", "sph_stencil")
 """Full SPH that savings are relative to: as an SPH code does it, and for even spacing alone."""
-
-Run = Callable[[np.ndarray, np.ndarray], object]
 
 
 def compare(
@@ -43,23 +41,17 @@ def compare(
         each of shape (contenders,); cpu_seconds (contenders, repeats) [s].
     """
     steps = scene.error_steps
-    prepared: list[tuple[str, int, Callable[[np.ndarray], Run]]] = [
+    prepared: list[tuple[str, int, Callable[..., Run]]] = [
         ("sph_neighbour_lists", 0, lambda steps: sph.prepare(scene, steps, "lists")),
         ("sph_stencil", 0, lambda steps: sph.prepare(scene, steps, "stencil")),
     ]
-    shapes = {0: (scene.particle_count, scene.particle_count)}
     for count in mode_counts:
-        chosen = modes["velocity_modes"][:count], modes["density_modes"][:count]
-        shapes[count] = len(chosen[0]), len(chosen[1])
         for method in acceleration_contenders(n_freeze):
-            prepared.append((method, count, ReducedModel(scene, method, *chosen).prepare))
-    # Filled, so that no run is the first to touch its memory.
-    kept = {
-        count: tuple(np.full((steps.size, size), np.nan) for size in pair)
-        for count, pair in shapes.items()
-    }
-    for _, count, prepare in prepared:
-        prepare(steps[:2])(*(fields[:2] for fields in kept[count]))
+            prepared.append((method, count, galerkin(scene, method, modes, count).prepare))
+    buffers, runs = timing.Buffers(), []
+    for _, _, prepare in prepared:
+        prepare(steps[:2]).run()
+        runs.append(buffers.shared(prepare(steps)).run)
     names = [name for name, _, _ in prepared]
     return {
         "contender": np.array(names),
@@ -67,9 +59,7 @@ def compare(
         "n_freeze": np.array(
             [0 if name.startswith("sph") else freeze_steps(name) for name in names]
         ),
-        "cpu_seconds": timing.measure(
-            [partial(prepare(steps), *kept[count]) for _, count, prepare in prepared], repeats
-        ),
+        "cpu_seconds": timing.measure(runs, repeats),
     }
 
 
@@ -77,15 +67,6 @@ def rows(
     place: Mapping[str, str], measured: Mapping[str, np.ndarray], settings: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Median CPU time of each contender, its spread, and what it saves against each baseline.
-
-    Parameters
-    ----------
-    place : dict
-        scene and sampling.
-    measured : dict
-        As from ``compare``.
-    settings : dict
-        Those that a dataset holds; of them, the machine.
 
     Returns
     -------

@@ -60,8 +60,8 @@ def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
         runs = []
         for name, integrator in models:
             spacers.append(np.zeros(first + 1))
-            run = _prepare(scene, name, integrator)
-            runs += [partial(run, *kept, watch=watch) for watch in _order(place)]
+            march = _prepare(scene, name, integrator).march
+            runs += [partial(march, *kept, watch) for watch in _order(place)]
         numbers = [timing.warm_up(run, SHORTEST) for run in runs]
         # Both of a pair are run equally often.
         pairs = zip(numbers[::2], numbers[1::2], strict=True)
@@ -95,15 +95,7 @@ def _integrators(scene):
 
 
 def rows(place: Mapping[str, Any], measured: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
-    """Part of each model's time that watching takes, median and quartiles, a row a model.
-
-    Parameters
-    ----------
-    place : dict
-        scene, and what else is the same in all rows.
-    measured : dict
-        As from `measure`.
-    """
+    """Part of each model's time that watching takes, median and quartiles, a row a model."""
     for n, name in enumerate(measured["contender"]):
         watched, unwatched = measured["cpu_seconds"][n], measured["unwatched_seconds"][n]
         lower, median, upper = np.quantile(watched / unwatched - 1, (0.25, 0.5, 0.75))

@@ -28,6 +28,7 @@ from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.checks import check_setting, check_step
 from sphpod.scene.scene import Scene, derivative_matrix, step_times
 from sphpod.scene.waves import GROWTH_LIMIT
+from sphpod.studies.machine import seldom_shown
 from sphpod.studies.study import Dataset, Study
 
 INTEGRATORS = ("exact", "leapfrog", "symplectic_euler")
@@ -81,7 +82,7 @@ def study(scene: Scene) -> dict[str, np.ndarray]:
         The scene cannot be simulated, for another reason than explicit Euler's step.
     """
     found = [*explicit_euler(scene), *particles(scene)]
-    scene = _seldom_shown(scene)
+    scene = seldom_shown(scene, max(1, VALUES // scene.particle_count))
     for integrator in INTEGRATORS:
         time_step = stable_step(scene)
         try:
@@ -102,15 +103,7 @@ def study(scene: Scene) -> dict[str, np.ndarray]:
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
-    """The checks of a scene, a row each, with a verdict: holds, fails or, without limit, reported.
-
-    Parameters
-    ----------
-    place : dict
-        scene.
-    arrays : dict
-        As from `study`.
-    """
+    """The checks of a scene, a row each: holds, fails or, without limit, reported."""
     names = ("check", "check_model", "check_value", "check_limit")
     for what, model, value, limit in zip(*(arrays[name] for name in names), strict=True):
         verdict = "holds" if value <= limit else "fails"
@@ -249,14 +242,6 @@ def particles(scene: Scene) -> Iterator[Check]:
     share = waves.translation_strain(scene)
     limit = ROUNDING if scene.is_even else np.inf
     yield Check("strain by translation, of that by the longest wave", "particles", share, limit)
-
-
-def _seldom_shown(scene):
-    """The scene with outputs so far apart that a field has no more than `VALUES`."""
-    intervals = scene.error_times.size - 1
-    fewest = max(1, min(intervals, VALUES // scene.particle_count))
-    kept = next(n for n in range(fewest, 0, -1) if intervals % n == 0)
-    return replace(scene, error_interval=scene.duration / kept)
 
 
 def _squeezing(model, strain):

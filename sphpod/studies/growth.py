@@ -165,14 +165,13 @@ def _growth(waves, horizon):
     steps = np.unique(np.linspace(0, count, OUTPUTS + 1).round().astype(int))
     broken = np.flatnonzero(~(waves.smallest_jacobian(steps) > 0))
     predicted_time = scene.times(steps)[broken[0]] if broken.size else np.nan
-    fields = np.empty((2, steps.size, scene.particle_count))
-    failed = sph.prepare(scene, steps)(*fields)
+    run = sph.prepare(scene, steps).run()
     measured, measured_time = np.nan, np.nan
-    if failed >= 0:
-        measured_time = scene.times(steps)[failed // scene.particle_count]
+    if (breakdown := run.breakdown()) is not None:
+        measured_time = breakdown.time
     else:
-        ends = energy.total(scene, fields[0, [0, -1]], lifted.strain(scene, fields[1, [0, -1]]))
-        measured = _grown(*ends)
+        velocity, density = (field[[0, -1]] for field in run.state)
+        measured = _grown(*energy.total(scene, velocity, lifted.strain(scene, density)))
     return _grown(waves.energy(0), waves.energy(count)), measured, predicted_time, measured_time
 
 
@@ -209,7 +208,7 @@ def drift(
         mass, stiffness = lifted.energy_weights(scene)
         every = np.eye(scene.particle_count)
         model = LiftedModel(long, every, every, 0)
-        scaled = model.coordinates(model.prepare("lifted_exact").solve())
+        scaled = model.prepare("lifted_exact").solve().coordinates()
         velocity, strain = scaled[0] / mass, scaled[1] / stiffness
     else:
         step = interval / np.ceil(interval / largest_step)
@@ -220,15 +219,7 @@ def drift(
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
-    """Rows of a table: one for each horizon of explicit Euler, one for each conserved energy.
-
-    Parameters
-    ----------
-    place : dict
-        scene.
-    arrays : dict
-        As from `measure`.
-    """
+    """Rows of a table: one for each horizon of explicit Euler, one for each conserved energy."""
     for n, horizon in enumerate(arrays["horizon"]):
         numbers = {
             name: float(arrays[name][n])

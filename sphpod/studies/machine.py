@@ -68,15 +68,7 @@ def compare(scene: Scene, taken: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
-    """The quantities of a scene, a row each, with a verdict.
-
-    Parameters
-    ----------
-    place : dict
-        scene and sampling.
-    arrays : dict
-        As from `compare`.
-    """
+    """The quantities of a scene, a row each, with a verdict."""
     names = ("quantity", "thread_difference", "core_difference")
     for quantity, threads, cores in zip(*(arrays[name] for name in names), strict=True):
         depends = threads > LIMIT or cores > LIMIT
@@ -95,8 +87,7 @@ def compute(scene: Scene, taken: Mapping[str, np.ndarray]) -> dict[str, list[np.
 
     Parameters are those of `compare`.
     """
-    scene = _seldom_shown(scene)
-    shape = scene.error_times.size, scene.particle_count
+    scene = seldom_shown(scene, INTERVALS)
     runs = {
         f"full SPH, {neighbours}": sph.prepare(scene, scene.error_steps, neighbours)
         for neighbours in ("stencil", "lists")
@@ -108,9 +99,9 @@ def compute(scene: Scene, taken: Mapping[str, np.ndarray]) -> dict[str, list[np.
     results = {}
     for name, run in runs.items():
         # A model that breaks down does so on every machine, and leaves zeros behind.
-        fields = np.zeros(shape), np.zeros(shape)
-        run(*fields)
-        results[name] = list(fields)
+        for field in run.state:
+            field[:] = 0
+        results[name] = list(run.run().state)
     modes = pod.decompose(taken) | lifted_rom.decompose(scene, taken)
     for name in (*FIELDS, "scaled_velocity", "scaled_strain"):
         values = modes[f"{name}_singular_values"]
@@ -151,10 +142,10 @@ def _settings(threads, cores):
                 os.environ[name] = value
 
 
-def _seldom_shown(scene):
-    """The scene with at most `INTERVALS` + 1 outputs."""
+def seldom_shown(scene: Scene, most: int) -> Scene:
+    """The scene with so many outputs after the start, at most."""
     intervals = scene.error_times.size - 1
-    kept = next(n for n in range(min(INTERVALS, intervals), 0, -1) if intervals % n == 0)
+    kept = next(n for n in range(min(most, intervals), 0, -1) if intervals % n == 0)
     return replace(scene, error_interval=scene.duration / kept)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from sphpod.numerics.error import FIELDS, project_solution
 from sphpod.pipeline.dataset import Variable
 from sphpod.reduced.pod import resolved
-from sphpod.reduced.rom import ReducedModel, solve_each
+from sphpod.reduced.rom import ReducedModel, prepare_each
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import WITHOUT_FREE_ENDS, Dataset, Drawing, Setting, Study
 
@@ -53,11 +53,11 @@ def measure(
             ReducedModel(scene, "original", rows[0][:kv], rows[1][:kr])
             for kr in range(1, len(rows[1]) + 1)
         ]
-        for column, (*reduced, broken) in enumerate(solve_each(models, scene.error_steps)):
-            if not broken:
+        for column, run in enumerate(prepare_each(models, scene.error_steps)):
+            if run.run().breakdown() is None:
                 ratios[:, kv - 1, column] = [
                     projected[field].relative_error(coordinates) / scale
-                    for field, coordinates, scale in zip(FIELDS, reduced, scales, strict=True)
+                    for field, coordinates, scale in zip(FIELDS, run.state, scales, strict=True)
                 ]
     kept = [np.arange(1, len(shapes) + 1) for shapes in rows]
     velocity, density = (
@@ -72,15 +72,7 @@ def measure(
 
 
 def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
-    """Rows of a table: for each number of velocity modes the fewest density modes that do.
-
-    Parameters
-    ----------
-    place : dict
-        scene and sampling.
-    arrays : dict
-        As from `measure`.
-    """
+    """Rows of a table: for each number of velocity modes the fewest density modes that do."""
     works = (arrays["pair_velocity_ratio"] < 1) & (arrays["pair_density_ratio"] < 1)
     for kv, enough in zip(arrays["velocity_modes_kept"], works, strict=True):
         fewest = int(arrays["density_modes_kept"][enough][0]) if enough.any() else None

@@ -98,15 +98,7 @@ def orders(errors: np.ndarray) -> np.ndarray:
 
 
 def rows(place: Mapping[str, Any], arrays: Fields) -> Iterator[dict[str, Any]]:
-    """A row for each refined model and level, with the order from the level before.
-
-    Parameters
-    ----------
-    place : dict
-        scene.
-    arrays : dict
-        As from `study`.
-    """
+    """A row for each refined model and level, with the order from the level before."""
     for n, model in enumerate(arrays["refined_model"]):
         for level, time_step in enumerate(arrays["refined_time_step"][n]):
             row = {

@@ -23,7 +23,7 @@ from sphpod.full import energy, lifted
 from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.lifted_rom import LiftedModel
-from sphpod.reduced.rom import ReducedModel, modes_resolved
+from sphpod.reduced.rom import ReducedModel, galerkin, modes_resolved
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import RUN, WITHOUT_FREE_ENDS, Dataset, Drawing, Study, sampled, scenes
 
@@ -260,22 +260,22 @@ def long_run(
         on.
     """
     long = replace(scene, duration=horizon, error_interval=horizon / EXAMPLE_OUTPUTS)
-    rows = modes["velocity_modes"][:mode_count], modes["density_modes"][:mode_count]
     return _energies(
-        ReducedModel(long, "original", *rows), lifted_rom.build(long, energy_modes, mode_count)
+        galerkin(long, "original", modes, mode_count),
+        lifted_rom.build(long, energy_modes, mode_count),
     )
 
 
 def _energies(paper, energetic):
     """Energies of both models over time; NaN from the breakdown of the paper's on."""
     scene = paper.scene
-    a, b, breakdown = paper.solve(scene.error_steps)
+    run = paper.prepare(scene.error_steps).run()
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-        strain = lifted.strain(scene, b @ paper.density_modes)
-        paper_energy = energy.total(scene, a @ paper.velocity_modes, strain)
-    if breakdown is not None:
-        paper_energy[scene.error_times >= breakdown.time] = np.nan
-    state = energetic.prepare("lifted_euler").solve()
+        velocity, density = run.fields().values()
+        paper_energy = energy.total(scene, velocity, lifted.strain(scene, density))
+    if (broken := run.breakdown()) is not None:
+        paper_energy[scene.error_times >= broken.time] = np.nan
+    (state,) = energetic.prepare("lifted_euler").solve().state
     return {
         "t": scene.error_times,
         "paper_energy": paper_energy,
@@ -294,15 +294,7 @@ def _random_model(scene, rng):
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
-    """Rows of a table, one for each number of modes.
-
-    Parameters
-    ----------
-    place : dict
-        scene and sampling.
-    arrays : dict
-        As from `of_samplings`.
-    """
+    """Rows of a table, one for each number of modes."""
     for n, count in enumerate(arrays["mode_count"]):
         counted = ("mode_count", "modes_resolved")
         numbers = {name: float(arrays[name][n]) for name in arrays if name not in counted}
@@ -312,13 +304,6 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
 
 def random_rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[dict[str, Any]]:
     """The row of a table for the random bases of a scene, the worst of each number.
-
-    Parameters
-    ----------
-    place : dict
-        scene and sampling, such as random.
-    arrays : dict
-        As from `of_random_bases`.
 
     Returns
     -------

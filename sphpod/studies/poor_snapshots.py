@@ -16,8 +16,7 @@ from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS, blocks, share
 from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import error_bound, lifted_rom, pod
-from sphpod.reduced.rom import ReducedModel
-from sphpod.scene.breakdown import Breakdown
+from sphpod.reduced.rom import galerkin
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import STEADY, Dataset, Drawing, Study
 
@@ -100,15 +99,7 @@ def study(
 
 
 def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
-    """A study as a table: a row a defect, then a row a level of noise.
-
-    Parameters
-    ----------
-    place : dict
-        What stands first in every row, such as scene and sampling.
-    arrays : dict
-        As from `study`.
-    """
+    """A study as a table: a row a defect, then a row a level of noise."""
     columns = ("defect", "mode_count", "rank", "error", "bound", "outcome")
     names = ("defect", *(f"defect_{column}" for column in columns[1:]))
     for values in zip(*(arrays[name].tolist() for name in names), strict=True):
@@ -215,21 +206,16 @@ def judge(
     except ValueError as refusal:
         return 0, np.nan, np.nan, str(refusal)
     rank = len(modes["scaled_velocity_modes"])
-    prepared = lifted_rom.build(scene, modes, mode_count).prepare("lifted_exact")
-    try:
-        state = prepared.solve()
-    except Breakdown as breakdown:
-        return rank, np.inf, np.inf, str(breakdown)
+    run = lifted_rom.build(scene, modes, mode_count).prepare("lifted_exact").run()
+    if (broken := run.breakdown()) is not None:
+        return rank, np.inf, np.inf, str(broken)
 
     def difference(part):
-        velocity, strain = full["velocity"][part], full["strain"][part]
-        own = np.empty_like(velocity), np.empty_like(strain)
-        prepared.reconstruct(state, *own, first=part.start)
-        return own[0] - velocity, own[1] - strain
+        return tuple(own - full[name][part] for name, own in run.fields(part).items())
 
     error = energy_norms(scene, difference)
     size = energy_norms(scene, lambda part: (full["velocity"][part], full["strain"][part])).max()
-    bound, _ = error_bound.error_bounds(prepared, state)
+    bound, _ = error_bound.error_bounds(run)
     holds = np.all(error <= bound + ROUNDING * size)
     return rank, share(error.max(), size), share(bound.max(), size), OUTCOMES[bool(holds)]
 
@@ -243,20 +229,19 @@ def original_error(scene: Scene, snapshots: Arrays, full: Arrays, mode_count: in
         velocity and density (times, N) of full SPH.
     """
     modes = pod.decompose({"x": scene.positions, **snapshots})
-    chosen = [modes[f"{field}_modes"][:mode_count] for field in FIELDS]
-    a, b, breakdown = ReducedModel(scene, "original", *chosen).solve(scene.error_steps)
-    if breakdown is not None:
+    run = galerkin(scene, "original", modes, mode_count).prepare(scene.error_steps).run()
+    if run.breakdown() is not None:
         return np.inf
 
-    def difference(part):
-        density = b[part] @ chosen[1]
-        return (
-            a[part] @ chosen[0] - full["velocity"][part],
-            lifted.strain(scene, density) - lifted.strain(scene, full["density"][part]),
-        )
+    def strained(velocity, density):
+        return velocity, lifted.strain(scene, density)
 
     def whole(part):
-        return full["velocity"][part], lifted.strain(scene, full["density"][part])
+        return strained(full["velocity"][part], full["density"][part])
+
+    def difference(part):
+        own = strained(*run.fields(part).values())
+        return tuple(mine - other for mine, other in zip(own, whole(part), strict=True))
 
     return share(energy_norms(scene, difference).max(), energy_norms(scene, whole).max())
 

@@ -8,6 +8,7 @@ depend on which modes they are. For a lifted model a step is a jump from output 
 import tracemalloc
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -107,25 +108,23 @@ def _prepare(scene: Scene, name: str, modes: int) -> tuple[Run, int]:
         steps = 10 * max(1, int(WORK / work / 10))
         rows = waves(count, modes)
         run = ReducedModel(scene, name, rows, rows).prepare(np.array([0, steps]))
-        kept = np.zeros((2, 2, modes))
-        return lambda: run(*kept), steps
+        return partial(run.march, run.state), steps
     steps = max(2, int(WORK / 10 / count))
-    kept = np.zeros((2, 2, count))
     if name == "lifted_full_stencil":
         full = lifted.prepare(_for_steps(scene, steps), "explicit_euler")
     else:
         kind = "lists" if name == "sph_neighbour_lists" else "stencil"
         full = sph.prepare(scene, np.array([0, steps]), kind)
-    return lambda: full(*kept), steps
+    return partial(full.march, *full.state, True), steps
 
 
 def _jumps(scene, modes):
     scene = replace(scene, duration=1.0, error_interval=1.0 / JUMPS, time_step=1.0 / JUMPS)
     rows = waves(scene.particle_count, modes)
-    prepared = lifted_rom.LiftedModel(scene, rows, rows[1:], 1).prepare("lifted_exact")
-    state, jumps = prepared.new_state(), prepared.jumps
-    state[:, 0] = prepared.start @ scene.starting_state()
-    return lambda: jumps.run(state)
+    run = lifted_rom.LiftedModel(scene, rows, rows[1:], 1).prepare("lifted_exact")
+    (state,) = run.state
+    state[:, 0] = run.begun
+    return partial(run.jumps.run, state)
 
 
 def waves(particle_count: int, mode_count: int) -> np.ndarray:

@@ -35,7 +35,7 @@ SHORTEST = 0.02
 TURNS = 3
 """How many turns are taken for one repeat: what is skipped may be a small part of a run."""
 
-Run = Callable[[], object]
+Timed = Callable[[], Any]
 
 
 class Pair(NamedTuple):
@@ -43,8 +43,8 @@ class Pair(NamedTuple):
 
     skipped: str
     model: str
-    without: Run
-    general: Run
+    without: Timed
+    general: Timed
 
 
 @dataclass(frozen=True)
@@ -103,29 +103,23 @@ def _pairs(scene: Scene) -> list[Pair]:
     free = Ends("free", "free", scene.domain_length / 2)
     even = Mirrored(scene.initial_velocity, free, scene.spacing, VELOCITY)
     ended = replace(scene, ends=free, initial_velocity=even)
-    kept = np.zeros((2, scene.error_times.size, scene.particle_count))
     last = np.array([0, scene.step_count])
-    ends = np.zeros((2, 2, scene.particle_count))
 
-    def full(case, steps=scene.error_steps, neighbours="stencil", fields=kept):
-        run = sph.prepare(case, steps, neighbours)
-        return lambda: run(*fields)
+    def full(case, steps=scene.error_steps):
+        return sph.prepare(case, steps, "stencil").run
 
     def strained(case):
-        run = lifted.prepare(case, "explicit_euler")
-        return lambda: run(*kept)
+        return lifted.prepare(case, "explicit_euler").run
 
     rows = waves(scene.particle_count, MODES)
 
     def jumping(case):
-        prepared = lifted_rom.LiftedModel(case, rows, rows[1:], 1).prepare("lifted_exact")
-        state, begin = prepared.new_state(), case.starting_state()
-        return lambda: prepared.run(begin, state)
+        return lifted_rom.LiftedModel(case, rows, rows[1:], 1).prepare("lifted_exact").run
 
     coarse = replace(scene, particle_count=scene.particle_count // 4)
 
     def found(neighbours):
-        return lambda: sph.prepare(scene, last, neighbours)(*ends)
+        return lambda: sph.prepare(scene, last, neighbours).run()
 
     plain = full(scene)
     return [
@@ -139,7 +133,7 @@ def _pairs(scene: Scene) -> list[Pair]:
         *_of_surveys(scene, plain),
         Pair("nonlinearity", "full SPH", strained(scene), plain),
         Pair("neighbour search", "full SPH", found("stencil"), found("lists")),
-        Pair("outputs nobody asked for", "full SPH", full(scene, last, fields=ends), plain),
+        Pair("outputs nobody asked for", "full SPH", full(scene, last), plain),
         Pair(
             "numerical reference",
             "reference solution, N/4",
@@ -149,7 +143,7 @@ def _pairs(scene: Scene) -> list[Pair]:
     ]
 
 
-def _of_surveys(scene: Scene, plain: Run) -> list[Pair]:
+def _of_surveys(scene: Scene, plain: Callable[[], object]) -> list[Pair]:
     """What of a survey a run at nominal values, and a parameter that scales a force, do without."""
     rows = waves(scene.particle_count, MODES)
     shared = {"velocity_modes": rows, "stress_modes": rows[1:], "translation": 1}
@@ -173,9 +167,9 @@ def _of_surveys(scene: Scene, plain: Run) -> list[Pair]:
         return lambda: of_survey.model({"size": 2e-3})
 
     def with_survey():
-        plain()
         run = training.run(scene.name, settings, survey, 0)
         training.train(scene.name, settings, survey, [run])
+        return plain()
 
     return [
         Pair("a survey", "full SPH at nominal values", plain, with_survey),
@@ -194,15 +188,6 @@ def rows(
     """Median times without and with what a scene may lack, their spread, and the median ratio.
 
     The ratio is taken turn by turn, so that it does not drift with the machine's speed.
-
-    Parameters
-    ----------
-    place : dict
-        scene and sampling.
-    measured : dict
-        As from ``measure``.
-    settings : dict
-        Those that a dataset holds; of them, particle_count and the machine.
     """
     columns: dict[str, Any] = {
         "scene": place["scene"],

@@ -64,12 +64,11 @@ def study(
 
 def _errors(scene, reference):
     steps = scene.error_steps[::THINNING]
-    fields = np.empty((2, steps.size, scene.particle_count))
-    if sph.prepare(scene, steps)(*fields) >= 0:
+    run = sph.prepare(scene, steps).run()
+    if run.breakdown() is not None:
         return np.nan, np.nan
     return tuple(
-        relative_error(found, reference[name][::THINNING])
-        for name, found in zip(FIELDS, fields, strict=True)
+        relative_error(found, reference[name][::THINNING]) for name, found in run.fields().items()
     )
 
 
@@ -110,15 +109,7 @@ def overall(studies: Iterable[Arrays]) -> dict[str, np.ndarray]:
 
 
 def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
-    """Rows of a table, one for each ratio, with its rank by either error among all ratios.
-
-    Parameters
-    ----------
-    place : dict
-        scene.
-    arrays : dict
-        As from `study` or `overall`.
-    """
+    """Rows of a table, one for each ratio, with its rank by either error among all ratios."""
     table = {name: values for name, values in arrays.items() if np.ndim(values)} | {
         f"{field}_rank": ranks(arrays[f"smoothing_{field}_error"]) for field in FIELDS
     }

@@ -12,6 +12,7 @@ import numpy as np
 from sphpod.numerics.expressions import Expression
 from sphpod.pipeline.dataset import Variable
 from sphpod.reduced import lifted_rom
+from sphpod.reduced.rom import galerkin
 from sphpod.scene.scene import Scene
 from sphpod.scene.waves import fastest_wave
 from sphpod.stability.spectrum import euler_limits, frequencies, splitting_limit, wave_rates
@@ -20,7 +21,6 @@ from sphpod.studies.time_steps import (
     SEED,
     Arrays,
     blur,
-    galerkin,
     late_growth,
     march_full,
     march_galerkin,

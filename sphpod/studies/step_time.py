@@ -1,7 +1,6 @@
 """CPU time of a step of full SPH, compiled and as a plain loop over sparse products."""
 
 from collections.abc import Callable, Mapping
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -22,11 +21,10 @@ def compare(scene: Scene, repeats: int, step_count: int = 2000) -> dict[str, np.
         (contenders, repeats), CPU time of a step [s], from runs of ``step_count`` steps.
     """
     steps = np.array([0, step_count])
-    kept = np.empty((2, 2, scene.particle_count))
     runs: dict[str, Callable[[], object]] = {
         "sph_sparse_loop": lambda: sparse_loop(scene, step_count),
-        "sph_neighbour_lists": partial(sph.prepare(scene, steps, "lists"), *kept),
-        "sph_stencil": partial(sph.prepare(scene, steps, "stencil"), *kept),
+        "sph_neighbour_lists": sph.prepare(scene, steps, "lists").run,
+        "sph_stencil": sph.prepare(scene, steps, "stencil").run,
     }
     for run in runs.values():
         run()
@@ -40,15 +38,6 @@ def rows(
     place: Mapping[str, str], measured: Mapping[str, np.ndarray], settings: Mapping[str, Any]
 ) -> dict[str, Any]:
     """Median time of a step [s], its spread, and how many times faster than the sparse loop it is.
-
-    Parameters
-    ----------
-    place : dict
-        scene and sampling.
-    measured : dict
-        As from ``compare``.
-    settings : dict
-        Those that a dataset holds; of them, particle_count and the machine.
 
     Returns
     -------

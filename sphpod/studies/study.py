@@ -150,7 +150,9 @@ class Study:
         What the arrays mean that no other study has, by name.
     tables : dict
         Of each table, the function of its rows, and the datasets that it is of. The function is one
-        of a place and the arrays there, or of the arrays of all places; a row is a dict.
+        of a place (scene and sampling, first in every row), of the arrays there and, if it takes
+        them, of the settings of their dataset; or of the arrays of all places. It gives a dict a
+        row, or one of all columns.
     drawing : Drawing or None
     settings : dict
         Its keys in the configuration, ``studies.<name>``.

@@ -83,20 +83,16 @@ def march_full(scene: Scene, integrator: str, paper: bool = False) -> March:
     count = scene.particle_count
 
     def run_fixed(state, time_step, stride, outputs):
-        interval = stride * time_step
-        case = replace(
-            scene, time_step=time_step, error_interval=interval, duration=outputs * interval
-        )
-        velocity, strain = np.empty((2, outputs + 1, count))
+        case = _shown(scene, time_step, stride, outputs)
         start = state[:count], state[count:]
         if paper:
             start = start[0], lifted.density(scene, start[1])
             run = sph.prepare(case, np.arange(outputs + 1) * stride, start=start)
-            run(velocity, strain, watch=False)
-            strain = lifted.strain(scene, strain)
+            velocity, density = run.run(watch=False).state
+            strain = lifted.strain(scene, density)
             velocity[_beyond(strain)] = np.nan
         else:
-            lifted.prepare(case, integrator, start=start)(velocity, strain, watch=False)
+            velocity, strain = lifted.prepare(case, integrator, start=start).run(watch=False).state
         return np.concatenate([velocity, strain], axis=1)
 
     def run_pair(state, time_step, stride, outputs):
@@ -130,10 +126,8 @@ def march_galerkin(model: rom.ReducedModel) -> March:
 
     def march(state, time_step, stride, outputs):
         case = replace(model, scene=replace(unforced(model.scene), time_step=time_step))
-        velocity = np.empty((outputs + 1, kv))
-        density = np.empty((outputs + 1, rest.size))
         start = state[:kv], rest + state[kv:]
-        case.prepare(np.arange(outputs + 1) * stride, start)(velocity, density)
+        velocity, density = case.prepare(np.arange(outputs + 1) * stride, start).run().state
         moved = (density - rest) @ model.density_modes / model.scene.density0()
         velocity[_beyond(moved)] = np.nan
         return np.concatenate([velocity, density - rest], axis=1)
@@ -163,21 +157,21 @@ def odd(march: March) -> March:
 
 def march_lifted(model: lifted_rom.LiftedModel, method: str) -> March:
     """Runs of a lifted reduced model, in the coordinates of its modes (kv + ke,)."""
-    own, scene = model.own, unforced(model.scene)
+    kv, scene = len(model.velocity_modes), unforced(model.scene)
 
     @quiet
     def march(state, time_step, stride, outputs):
-        interval = stride * time_step
-        case = replace(
-            scene, time_step=time_step, error_interval=interval, duration=outputs * interval
-        )
-        prepared = replace(model, scene=case).prepare(method)
-        states = prepared.new_state()
-        states[:, 0] = own.from_modes @ state
-        prepared.jumps.run(states)
-        return np.concatenate(model.coordinates(states), axis=1)
+        case = _shown(scene, time_step, stride, outputs)
+        run = replace(model, scene=case).prepare(method, (state[:kv], state[kv:])).run()
+        return np.concatenate(run.coordinates(), axis=1)
 
     return march
+
+
+def _shown(scene, time_step, stride, outputs):
+    """The scene with so many outputs after the start, each after so many steps."""
+    interval = stride * time_step
+    return replace(scene, time_step=time_step, error_interval=interval, duration=outputs * interval)
 
 
 def unforced(scene: Scene) -> Scene:
@@ -370,7 +364,7 @@ def reduced(
     results, dt = [], scene.time_step
     for count in mode_counts:
         for name in MODELS:
-            model = galerkin(scene, name, modes, count)
+            model = rom.galerkin(scene, name, modes, count)
             march, operator = march_galerkin(model), model.operator()
             for contender in _reduced(name, count, march, operator, dt, blur(model)):
                 seed, kv = contender.seed(dt), len(model.velocity_modes)
@@ -383,15 +377,6 @@ def reduced(
             march, operator = march_lifted(lifted_model, name), lifted_model.operator
             results += [c.measure(scene) for c in _reduced(name, count, march, operator, dt)]
     return _arrays(results)
-
-
-def galerkin(
-    scene: Scene, method: str, modes: Mapping[str, np.ndarray], count: int
-) -> rom.ReducedModel:
-    """Reduced model of the paper with so many modes for each field, or all there are."""
-    return rom.ReducedModel(
-        scene, method, modes["velocity_modes"][:count], modes["density_modes"][:count]
-    )
 
 
 def blur(model: rom.ReducedModel) -> float:
@@ -440,14 +425,7 @@ def _arrays(results):
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
-    """Each limit or growth rate of `full` or `reduced` as a row of a table.
-
-    Parameters
-    ----------
-    place : dict
-        scene, and sampling of reduced models.
-    arrays : dict
-    """
+    """Each limit or growth rate of `full` or `reduced` as a row of a table."""
     for n, contender in enumerate(arrays["contender"]):
         grows = not np.isnan(arrays["predicted_growth_rate"][n])
         name = "growth_rate" if grows else "time_step"

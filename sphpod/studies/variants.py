@@ -66,15 +66,7 @@ def _errors(scene):
 
 
 def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
-    """Rows of a table, one a variant.
-
-    Parameters
-    ----------
-    place : dict
-        scene.
-    arrays : dict
-        As from `measure`.
-    """
+    """Rows of a table, one a variant."""
     for n, name in enumerate(arrays["variant"]):
         yield {
             "scene": place["scene"],

@@ -103,6 +103,12 @@ def of_settings(
 ) -> tuple[Survey, dict[str, Question]]:
     """A survey and its questions, of the settings of its scene and of a trained model."""
     operators = Operators(name, settings, model)
+    if not all(operators.is_affine):
+        logger.info(
+            "scene %s: its parameters change the shape of a coefficient, which each query "
+            "evaluates at all particles",
+            name,
+        )
     reduced = Survey(operators, int(model["mode_count"]), survey["tolerance"])
     return reduced, questions(operators, survey["quantities"])
 

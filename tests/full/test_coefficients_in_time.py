@@ -127,7 +127,7 @@ def test_fixed_steps_have_their_order(changes, integrator, order):
 @pytest.mark.parametrize("name", ["pulsating", "all", "all, jittered"])
 def test_steps_of_the_exact_model_have_order_four(name):
     case = made(CASES[name], error_interval=0.5)
-    run = coefficients_in_time.prepare(case, (case.velocity0(), np.zeros(case.particle_count)))
+    run = coefficients_in_time.Stepped(case, (case.velocity0(), np.zeros(case.particle_count)))
     shape = case.error_times.size, case.particle_count
     solutions = []
     for halving in range(4):
@@ -145,8 +145,8 @@ def test_full_sph_and_the_original_model_of_all_modes_are_the_same(changes):
     full = sph.solve(case, case.error_steps)
     lists = sph.solve(case, case.error_steps, "lists")
     every = np.eye(case.particle_count)
-    velocity, density, _ = rom.ReducedModel(case, "original", every, every).solve(case.error_steps)
-    for found in ((lists["velocity"], lists["density"]), (velocity, density)):
+    run = rom.ReducedModel(case, "original", every, every).prepare(case.error_steps).run()
+    for found in ((lists["velocity"], lists["density"]), run.state):
         np.testing.assert_allclose(found[0], full["velocity"], atol=1e-13)
         np.testing.assert_allclose(found[1], full["density"], rtol=1e-11)
     expected = truth(case)[0]
@@ -164,23 +164,23 @@ def test_frozen_models_tend_to_the_linearized_one(changes):
         case, {"range": [0, 1], "count": 12}, sph.solve(case, np.arange(1001))
     )
     modes = pod.decompose(taken)
-    linear, *_ = rom.model(case, "linearized", modes, 6).solve(case.error_steps)
-    frozen, *_ = rom.model(case, "frozen1", modes, 6).solve(case.error_steps)
+    linear, _ = rom.model(case, "linearized", modes, 6).prepare(case.error_steps).run().state
+    frozen, _ = rom.model(case, "frozen1", modes, 6).prepare(case.error_steps).run().state
     np.testing.assert_allclose(frozen, linear, atol=1e-11 * np.abs(linear).max())
     gaps = []
     for n in (4, 8):
-        now, *_ = rom.model(case, f"frozen{n}", modes, 6).solve(case.error_steps)
+        now, _ = rom.model(case, f"frozen{n}", modes, 6).prepare(case.error_steps).run().state
         gaps.append(np.abs(now - linear).max())
     # A damper is switched on at the next refresh, whichever comes then.
     assert changes is CASES["damper switched on"] or gaps[1] / gaps[0] == pytest.approx(
         7 / 3, rel=0.3
     )
-    together = rom.solve_each(
+    together = rom.prepare_each(
         [rom.model(case, "original", modes, k) for k in (5, 6, 7)], case.error_steps
     )
-    for count, (several, *_) in zip((5, 6, 7), together, strict=True):
-        alone, *_ = rom.model(case, "original", modes, count).solve(case.error_steps)
-        np.testing.assert_allclose(several, alone, atol=1e-12 * np.abs(alone).max())
+    for count, several in zip((5, 6, 7), together, strict=True):
+        alone, _ = rom.model(case, "original", modes, count).prepare(case.error_steps).run().state
+        np.testing.assert_allclose(several.state[0], alone, atol=1e-12 * np.abs(alone).max())
 
 
 def every_mode(case):
@@ -197,10 +197,8 @@ def test_damping_that_is_faster_than_waves_shortens_the_steps():
     case = made({"damping": "1000*where(t < 0.5, 0, t)", "initial_velocity": 0.01, "duration": 0.6})
     times = case.error_times
     expected = 0.01 * np.exp(-500 * np.maximum(times**2 - 0.25, 0))
-    prepared = lifted_rom.build(case, every_mode(case)).prepare("lifted_exact")
-    reduced = np.empty((2, times.size, case.particle_count))
-    prepared.reconstruct(prepared.solve(), *reduced)
-    for velocity in (lifted.solve(case, "exact")["velocity"], reduced[0]):
+    reduced = lifted_rom.build(case, every_mode(case)).prepare("lifted_exact").solve().fields()
+    for velocity in (lifted.solve(case, "exact")["velocity"], reduced["velocity"]):
         np.testing.assert_allclose(velocity, expected[:, None] + 0 * velocity, atol=1e-11)
 
 
@@ -211,11 +209,9 @@ def test_damping_that_is_faster_than_waves_shortens_the_steps():
 def test_lifted_models_of_all_modes_are_the_full_model(changes, method, integrator):
     case = made(changes)
     full = lifted.solve(case, integrator)
-    prepared = lifted_rom.build(case, every_mode(case)).prepare(method)
-    fields = np.empty((2, *full["velocity"].shape))
-    prepared.reconstruct(prepared.solve(), *fields)
-    for found, expected in zip(fields, (full["velocity"], full["strain"]), strict=True):
-        np.testing.assert_allclose(found, expected, atol=3e-10 * np.abs(expected).max())
+    run = lifted_rom.build(case, every_mode(case)).prepare(method).solve()
+    for name, found in run.fields().items():
+        np.testing.assert_allclose(found, full[name], atol=3e-10 * np.abs(full[name]).max())
 
 
 @pytest.mark.parametrize("name", ["pulsating", "damper switched on", "all", "all, jittered"])
@@ -285,10 +281,7 @@ def test_energy_changes_by_what_the_modulus_does_alone():
     strains = np.linalg.qr(np.random.default_rng(3).standard_normal((40, 5)))[0].T
     case = replace(case, error_interval=1e-3)
     model = lifted_rom.LiftedModel(case, modes, strains, 0)
-    prepared = model.prepare("lifted_exact")
-    state = prepared.new_state()
-    prepared.run(case.velocity0(), state)
-    velocity, strain = model.coordinates(state)
+    velocity, strain = model.prepare("lifted_exact").run().coordinates()
     energy = model.lengths(velocity, strain) ** 2 / 2
     metrics = reduced_in_time.Terms.of(model).metrics(case.error_times)
     slopes = np.gradient(metrics, case.error_times, axis=0)
@@ -325,12 +318,9 @@ def test_a_modulus_at_twice_a_waves_frequency_pumps_it():
         "velocity_snapshots": found[::20],
         "strain_snapshots": lifted.solve(pumped, "exact")["strain"][::20],
     }
-    prepared = lifted_rom.build(pumped, lifted_rom.decompose(pumped, taken), 1).prepare(
-        "lifted_exact"
-    )
-    reduced = np.empty((2, *found.shape))
-    prepared.reconstruct(prepared.solve(), *reduced)
-    np.testing.assert_allclose(reduced[0], found, atol=1e-7 * np.abs(found).max())
+    model = lifted_rom.build(pumped, lifted_rom.decompose(pumped, taken), 1)
+    reduced = model.prepare("lifted_exact").solve().fields()["velocity"]
+    np.testing.assert_allclose(reduced, found, atol=1e-7 * np.abs(found).max())
 
 
 @pytest.mark.parametrize("name", ["pulsating", "damper switched on", "travelling force", "all"])

@@ -51,11 +51,9 @@ def solved(case, wave=None, outputs=None):
 
 def bounds(model):
     """Coordinates and fields of a model at the outputs, and its bounds."""
-    prepared = model.prepare("lifted_exact")
-    state = prepared.new_state()
-    prepared.run(model.scene.velocity0(), state)
-    fields = state.T @ error_bound.own_modes(model).T
-    return fields, *error_bound.error_bounds(prepared, state)
+    run = model.prepare("lifted_exact").run()
+    fields = run.state[0].T @ error_bound.own_modes(model).T
+    return fields, *error_bound.error_bounds(run)
 
 
 def modes_of(case, states):
@@ -261,14 +259,13 @@ def test_what_happens_between_outputs_is_in_the_bound(course, rate):
 def test_what_is_missed_of_a_force_is_added(missed):
     case = scene(force={"time": "cos(3*t)", "profile": "x*(L - x)"})
     model = lifted_rom.build(case, modes_of(case, solved(case, (1, 3))), 2)
-    prepared = model.prepare("lifted_exact")
-    state, full = prepared.solve(), FullModel.of(case)
+    run, full = model.prepare("lifted_exact").solve(), FullModel.of(case)
     less = replace(full, courses=(replace(full.courses[0], missed=missed),))
     mass, _ = lifted.energy_weights(case)
     size = np.linalg.norm(mass * case.force_values(np.zeros(1))[1])
     for some, more in zip(
-        error_bound.error_bounds(prepared, state, full),
-        error_bound.error_bounds(prepared, state, less),
+        error_bound.error_bounds(run, full),
+        error_bound.error_bounds(run, less),
         strict=True,
     ):
         np.testing.assert_allclose(more, some + size * (missed - full.courses[0].missed))

@@ -58,7 +58,7 @@ def reduced(case, count=7, own="as found"):
 
 def solve(model, method):
     """Coordinates in the modes of velocity and strain, (times, kv) and (times, ke)."""
-    return model.coordinates(model.prepare(method).solve())
+    return model.prepare(method).solve().coordinates()
 
 
 def fields(model, velocity, strain):
@@ -275,17 +275,15 @@ def test_three_modes_are_three_waves(changes):
 @each_method
 def test_reconstructed_fields_are_coordinates_times_modes(changes, own, method):
     model = reduced(scene(**changes), own=own)
-    prepared = model.prepare(method)
-    state = prepared.new_state()
-    prepared.run(model.scene.velocity0(), state)
-    coordinates = model.coordinates(state)
+    run = model.prepare(method).run()
+    coordinates = run.coordinates()
     for a, b in zip(coordinates, solve(model, method), strict=True):
         np.testing.assert_array_equal(a, b)
     expected = fields(model, *coordinates)
     for first, count in ((0, 101), (0, 1), (17, 30), (100, 1)):
-        found = np.full((2, count, model.scene.particle_count), np.nan)
-        prepared.reconstruct(state, *found, first=first)
-        for a, b in zip(found, expected, strict=True):
+        found = run.fields(slice(first, first + count))
+        assert list(found) == ["velocity", "strain"]
+        for a, b in zip(found.values(), expected, strict=True):
             want = b[first : first + count]
             np.testing.assert_allclose(a, want, rtol=0, atol=1e-13 * np.abs(b).max())
 
@@ -303,12 +301,10 @@ def test_breakdown_names_scene_time_and_particle(changes, method):
     assert caught.value.time == full.value.time
     # A reduced model is checked from the lengths of its coordinates first.
     few = reduced(scene(**(changes | {"initial_velocity": "0.1*sin(2*pi*x/L)"})), 5)
-    prepared = LiftedModel(case, few.velocity_modes, few.strain_modes, 0).prepare(method)
+    run = LiftedModel(case, few.velocity_modes, few.strain_modes, 0).prepare(method)
     with pytest.raises(Breakdown, match=f"with {len(few.velocity_modes)} modes") as caught:
-        prepared.solve()
-    state = prepared.new_state()
-    prepared.run(case.velocity0(), state)
-    _, strain = fields(prepared.model, *prepared.model.coordinates(state))
+        run.solve()
+    _, strain = fields(run.reduced, *run.run().coordinates())
     row = np.flatnonzero(strain.min(axis=1) <= -1)[0]
     assert caught.value.time == case.error_times[row]
     assert caught.value.particle == strain[row].argmin()
@@ -338,9 +334,11 @@ def test_breakdown_is_where_j_is_first_not_positive(model, size, wrong, seed):
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(lifted_rom, "first_broken", watched)
-        found = model.breakdown(state)
+        run = model.prepare("lifted_exact")
+        run.state = (state,)
+        found = run.breakdown_at_outputs()
     with np.errstate(all="ignore"):
-        velocity, strain = fields(model, *model.coordinates(state))
+        velocity, strain = fields(model, *run.coordinates())
     sound = np.isfinite(velocity) & np.isfinite(strain) & (1 + strain > 0)
     broken = ~sound.all(axis=1)
     if not broken.any():
@@ -382,11 +380,9 @@ def test_more_modes_than_there_are_is_reported_of(caplog):
 
 def test_a_model_that_is_not_finite_broke_down():
     model = reduced(scene("crash"))
-    prepared = model.prepare("lifted_euler")
-    state = prepared.solve()
-    assert model.breakdown(state) is None
-    state[:, 40:] = np.nan
-    found = model.breakdown(state)
+    run = model.prepare("lifted_euler").solve()
+    run.state[0][:, 40:] = np.nan
+    found = run.breakdown()
     assert found is not None
     assert found.time == model.scene.error_times[40]
 
@@ -422,9 +418,8 @@ def test_scipy_gets_the_same_of_the_stored_system(changes):
     case = scene(duration=1, error_interval=0.02, **changes)
     full = exact(case)
     snapshots = {f"{name}_snapshots": full[name][::5] for name in ("velocity", "strain")}
-    (solution,) = lifted_rom.solve_each(case, [4], lifted_rom.decompose(case, snapshots), METHOD)
-    assert not isinstance(solution, Breakdown)
-    kept = lifted_rom.stored(solution)
+    (run,) = lifted_rom.prepare_each(case, [4], lifted_rom.decompose(case, snapshots), METHOD)
+    kept = run.solve().stored() | run.reduced.system()
     coordinates = ["scaled_velocity_coordinates", "scaled_strain_coordinates"]
     states = np.concatenate([kept[name] for name in coordinates], axis=1)
     count = states.shape[1]
@@ -437,11 +432,10 @@ def test_scipy_gets_the_same_of_the_stored_system(changes):
     course = amplitudes.T if amplitudes.size else np.zeros_like(fine)
     _, found, _ = signal.lsim(system, course, fine, states[0])
     np.testing.assert_allclose(found[::20], states, rtol=0, atol=1e-5 * np.abs(states).max())
-    prepared, state = solution
-    velocity, strain = np.empty((2, states.shape[0], case.particle_count))
-    prepared.reconstruct(state, velocity, strain)
-    for field, name in ((velocity, "velocity_output"), (strain, "strain_output")):
-        np.testing.assert_allclose(states @ kept[name], field, atol=1e-13 * np.abs(field).max())
+    for name, field in run.fields().items():
+        np.testing.assert_allclose(
+            states @ kept[f"{name}_output"], field, atol=1e-13 * np.abs(field).max()
+        )
 
 
 METHOD = "lifted_exact"

@@ -35,18 +35,15 @@ def test_with_all_modes_the_original_model_is_full_sph(changes):
     case = scene(**changes)
     every = np.eye(case.particle_count)
     full = sph.solve(case, case.error_steps)
-    velocity, density, breakdown = ReducedModel(case, "original", every, every).solve(
-        case.error_steps
-    )
-    assert breakdown is None
+    run = ReducedModel(case, "original", every, every).prepare(case.error_steps)
+    velocity, density = run.solve().state
     np.testing.assert_allclose(velocity, full["velocity"], rtol=1e-9, atol=1e-15)
     np.testing.assert_allclose(density, full["density"], rtol=1e-11)
     rotation = np.linalg.qr(np.random.default_rng(0).standard_normal(every.shape))[0]
-    velocity, density, _ = ReducedModel(case, "original", rotation, rotation.T).solve(
-        case.error_steps
-    )
-    np.testing.assert_allclose(velocity @ rotation, full["velocity"], rtol=1e-7, atol=1e-13)
-    np.testing.assert_allclose(density @ rotation.T, full["density"], rtol=1e-10)
+    run = ReducedModel(case, "original", rotation, rotation.T).prepare(case.error_steps)
+    fields = run.solve().fields()
+    np.testing.assert_allclose(fields["velocity"], full["velocity"], rtol=1e-7, atol=1e-13)
+    np.testing.assert_allclose(fields["density"], full["density"], rtol=1e-10)
 
 
 @pytest.mark.parametrize("changes", SETTINGS.values(), ids=SETTINGS)
@@ -55,11 +52,11 @@ def test_frozen_for_one_step_is_linearized(changes, count):
     case = scene(**changes)
     modes = snapshot_modes(case)
     chosen = modes["velocity_modes"][:count], modes["density_modes"][: count + 1]
-    velocity, density, _ = ReducedModel(case, "linearized", *chosen).solve(case.error_steps)
-    frozen_velocity, frozen_density, _ = ReducedModel(case, "frozen1", *chosen).solve(
-        case.error_steps
+    linearized, frozen = (
+        ReducedModel(case, method, *chosen).prepare(case.error_steps).run().state
+        for method in ("linearized", "frozen1")
     )
-    for a, b in ((velocity, frozen_velocity), (density, frozen_density)):
+    for a, b in zip(linearized, frozen, strict=True):
         np.testing.assert_allclose(a, b, rtol=1e-8, atol=1e-11 * np.abs(a).max())
 
 
@@ -95,8 +92,8 @@ def test_frozen_coefficients_follow_their_definition_in_either_form(changes, n_f
         )
     for cheaper in (True, False):
         monkeypatch.setattr(rom, "tensor_is_cheaper", lambda *_, cheaper=cheaper: cheaper)
-        velocity, density, _ = ReducedModel(case, f"frozen{n_freeze}", uv.T, ur.T).solve(steps)
-        for found, want in zip((velocity, density), zip(*expected, strict=True), strict=True):
+        run = ReducedModel(case, f"frozen{n_freeze}", uv.T, ur.T).prepare(steps).run()
+        for found, want in zip(run.state, zip(*expected, strict=True), strict=True):
             np.testing.assert_allclose(found, want, rtol=1e-9, atol=1e-12)
 
 
@@ -133,10 +130,11 @@ def test_models_run_together_as_they_run_alone(changes, method):
         ReducedModel(case, method, modes["velocity_modes"][:k], modes["density_modes"][: k + 1])
         for k in (1, 2, 3, 4, 6, 7, 11, 12, 13, 14, 15, 16)
     ]
-    together = list(rom.solve_each(models, case.error_steps))
+    together = list(rom.prepare_each(models, case.error_steps))
     assert len(together) == len(models)
-    for model, (velocity, density, _) in zip(models, together, strict=True):
-        alone = model.solve(case.error_steps)
+    for model, run in zip(models, together, strict=True):
+        velocity, density = run.run().state
+        alone = model.prepare(case.error_steps).run().state
         np.testing.assert_allclose(velocity, alone[0], rtol=1e-9, atol=1e-14)
         np.testing.assert_allclose(density, alone[1], rtol=1e-9, atol=1e-12)
 
@@ -212,7 +210,9 @@ def test_breakdown_is_where_j_is_first_not_positive(method, changes, count, size
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(rom, "first_broken", watched)
-        found = model._breakdown(velocity, solution, 2 * np.arange(1500))
+        run = model.prepare(2 * np.arange(1500))
+        run.state = velocity, solution
+        found = run.breakdown()
     with np.errstate(all="ignore"):
         density = solution @ modes
         jacobian = case.density0() / density
@@ -240,7 +240,9 @@ def test_a_density_that_starts_without_being_positive_broke_down_at_once():
     modes = np.zeros((1, 40))
     modes[0, :2] = np.sqrt(0.8), -np.sqrt(0.2)
     still = np.tile(modes @ case.density0(), (3, 1))
-    found = ReducedModel(case, "original", modes, modes)._breakdown(still, still, np.arange(3))
+    run = ReducedModel(case, "original", modes, modes).prepare(np.arange(3))
+    run.state = still, still
+    found = run.breakdown()
     assert found is not None
     assert (found.time, found.particle) == (0, 1)
 
@@ -256,8 +258,7 @@ def test_nothing_is_reconstructed_where_the_test_passes(method, monkeypatch):
         return breakdown.first_broken(limit, None, None, rows)
 
     monkeypatch.setattr(rom, "first_broken", count)
-    model = ReducedModel(case, method, modes["velocity_modes"][:5], modes["density_modes"][:5])
-    assert model.solve(case.error_steps)[2] is None
+    rom.galerkin(case, method, modes, 5).prepare(case.error_steps).solve()
     assert counts == [0]
 
 
@@ -289,7 +290,7 @@ def test_the_stored_system_is_the_model_linearized_at_rest(method, changes):
         modes = snapshot_modes(case)
         model = rom.model(case, method, modes, 3)
         system = model.system()
-        *coordinates, _ = model.solve(case.error_steps)
+        coordinates = model.prepare(case.error_steps).run().state
         states = np.concatenate(coordinates, axis=1)
         every = max(rom.freeze_steps(method), 1)
         refreshed = np.arange(states.shape[0] - 1) // every * every

@@ -15,12 +15,10 @@ from sphpod.reduced.error_bound import error_bounds
 
 def solved(model):
     """Scaled fields of a model that is exact in time, one behind the other, and its bounds."""
-    prepared = model.prepare("lifted_exact")
-    state = prepared.new_state()
-    prepared.run(model.scene.velocity0(), state)
-    velocity, strain = model.coordinates(state)
+    run = model.prepare("lifted_exact").run()
+    velocity, strain = run.coordinates()
     fields = np.concatenate([velocity @ model.velocity_modes, strain @ model.strain_modes], axis=1)
-    return fields, error_bounds(prepared, state)[0]
+    return fields, error_bounds(run)[0]
 
 
 def full(case):

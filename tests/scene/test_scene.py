@@ -379,10 +379,8 @@ def test_steps_that_nothing_is_said_of_are_stable(damping, integrator, caplog):
     for step in (limit, 1.3 * limit):
         long = {"time_step": step, "error_interval": step, "duration": 4000 * step}
         case = replace(fine, **long)
-        run = lifted.prepare(case, integrator)
-        velocity, strain = np.empty((2, 4001, case.particle_count))
         with np.errstate(over="ignore", invalid="ignore"):
-            run(velocity, strain, watch=False)
+            velocity, _ = lifted.prepare(case, integrator).run(watch=False).state
         waves.warn_of_step(case, integrator, step)
         outcomes.append((bool(np.abs(velocity[-1]).max() < 0.1), len(caplog.records)))
     assert outcomes == [(True, 0), (False, 1)]
@@ -462,6 +460,7 @@ def test_a_force_is_taken_at_the_decimal_times_of_steps():
     np.testing.assert_allclose(velocity[:, 0], [0] * 4 + [0.1] * 7, atol=1e-9)
     reduced = rom.ReducedModel(kicked, "original", np.ones((1, 40)) / 40**0.5,
                                np.ones((1, 40)) / 40**0.5)  # fmt: skip
-    np.testing.assert_allclose(reduced.solve(kicked.error_steps)[0][:, 0], velocity[:, 0] * 40**0.5)
+    coordinates, _ = reduced.prepare(kicked.error_steps).run().state
+    np.testing.assert_allclose(coordinates[:, 0], velocity[:, 0] * 40**0.5)
     strained = lifted.solve(kicked, "explicit_euler")["velocity"]
     np.testing.assert_allclose(strained, velocity, atol=1e-9)

@@ -15,6 +15,7 @@ from sphpod.reduced import lifted_rom, pod
 from sphpod.reduced.rom import ReducedModel
 from sphpod.scene import breakdown, waves
 from sphpod.scene.breakdown import Breakdown
+from sphpod.scene.run import Run
 from sphpod.studies import detection
 
 SETTINGS = {
@@ -54,11 +55,12 @@ def test_full_sph_is_watched_as_by_brute_force(neighbours, changes, speed, strid
     if neighbours == "stencil" and not case.is_even:
         return
     steps = np.arange(case.step_count + 1)
-    every = np.full((2, steps.size, case.particle_count), np.nan)
-    assert sph.prepare(case, steps, neighbours)(*every, watch=False) == -1
+    whole = sph.prepare(case, steps, neighbours).run(watch=False)
+    assert whole.failed == -1
+    every = np.array(whole.state)
     expected = first_broken(every[0], case.density0() / every[1])
-    kept = np.full((2, steps[::stride].size, case.particle_count), np.nan)
-    found = sph.prepare(case, steps[::stride], neighbours)(*kept)
+    run = sph.prepare(case, steps[::stride], neighbours).run()
+    found, kept = run.failed, np.array(run.state)
     assert found == in_rows(expected, case, stride)
     if found >= 0:
         row, step = found // case.particle_count, expected // case.particle_count
@@ -86,17 +88,17 @@ def test_the_lifted_full_model_is_watched_as_by_brute_force(integrator, changes,
     """Whatever is kept, every step counts, or those that resolve the waves."""
     step = 1e-3 if integrator in lifted.FIXED_STEP else 1e-2
     case = replace(excited(speed, changes), time_step=step, error_interval=step)
-    every = np.full((2, case.error_times.size, case.particle_count), np.nan)
-    assert lifted.prepare(case, integrator)(*every, watch=False) == -1
-    expected = in_rows(first_broken(every[0], 1 + every[1]), case, stride)
+    whole = lifted.prepare(case, integrator).run(watch=False)
+    assert whole.failed == -1
+    velocity, strain = whole.state
+    expected = in_rows(first_broken(velocity, 1 + strain), case, stride)
     few = replace(case, error_interval=stride * step)
-    kept = np.full((2, few.error_times.size, case.particle_count), np.nan)
-    found = lifted.prepare(few, integrator)(*kept)
+    found = lifted.prepare(few, integrator).run().failed
     if integrator in ("explicit_euler", "symplectic_euler"):
         assert found == expected
     elif expected < 0:
         # Leapfrog is looked at in the middle of its steps too.
-        assert found < 0 or (1 + every[1]).min() < 0.02
+        assert found < 0 or (1 + strain).min() < 0.02
     else:
         row = expected // case.particle_count
         assert found >= 0
@@ -112,9 +114,7 @@ def test_the_lifted_full_model_does_not_fold_between_outputs(integrator, changes
         "excited", duration=interval, error_interval=interval, time_step=interval / 3200,
         youngs_modulus=0.09765625, initial_velocity="0.45*sin(2*pi*x/L)", **changes,
     )  # fmt: skip
-    kept = np.empty((2, 2, case.particle_count))
-    lifted.prepare(case, integrator)(*kept, watch=False)
-    assert kept[1].min() > -1
+    assert lifted.prepare(case, integrator).run(watch=False).fields()["strain"].min() > -1
     with pytest.raises(Breakdown, match=r"scene excited: the lifted full model"):
         lifted.solve(case, integrator)
     small = replace(case, initial_velocity=scene(initial_velocity=1e-3).initial_velocity)
@@ -135,13 +135,12 @@ def test_an_interval_of_many_waves_is_looked_at_in_little_memory(changes, speed)
     assert looks * count > 4 * lifted.VALUES_AT_ONCE
     tracemalloc.start()
     try:
-        kept = np.empty((2, 2, count))
-        folded = lifted.prepare(case, "exact")(*kept) >= 0
+        folded = lifted.prepare(case, "exact").run().breakdown() is not None
         peak = tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
     assert folded is (speed > 0.3)
-    assert peak < 12 * lifted.VALUES_AT_ONCE * kept.itemsize
+    assert peak < 12 * lifted.VALUES_AT_ONCE * np.dtype(float).itemsize
 
 
 @each
@@ -159,10 +158,9 @@ def test_no_strain_exceeds_its_bound(integrator, changes, speed, damping, step):
     rng = np.random.default_rng(0)
     start = case.velocity0(), 0.1 * speed * rng.standard_normal(case.particle_count)
     bound = lifted.strain_bound(case, integrator, step, start)
-    kept = np.zeros((2, case.error_times.size, case.particle_count))
     with np.errstate(over="ignore", invalid="ignore"):
-        lifted.prepare(case, integrator, start=start)(*kept, watch=False)
-        found = np.abs(kept[1]).max()
+        _, strain = lifted.prepare(case, integrator, start=start).run(watch=False).state
+        found = np.abs(strain).max()
     assert not found > bound * (1 + 1e-12)
 
 
@@ -182,9 +180,8 @@ def test_both_fates_are_met():
     """Of the speeds above, the smallest leave the line whole, the largest fold it."""
     for speed, folds in ((0.05, False), (3, True)):
         case = excited(speed, {})
-        kept = np.empty((2, case.error_times.size, case.particle_count))
-        assert (lifted.prepare(case, "exact")(*kept) >= 0) is folds
-        assert (sph.prepare(case, case.error_steps)(*kept) >= 0) is folds
+        for run in (lifted.prepare(case, "exact"), sph.prepare(case, case.error_steps)):
+            assert (run.run().breakdown() is not None) is folds
 
 
 @pytest.mark.parametrize("method", ["original", "linearized", "frozen10", *lifted_rom.METHODS])
@@ -194,23 +191,21 @@ def test_reduced_models_do_not_fold_between_outputs(method):
         "excited", duration=3.2, error_interval=0.02, time_step=1e-3, youngs_modulus=0.09765625,
         initial_velocity="0.25*sin(2*pi*x/L)",
     )  # fmt: skip
-    run = sph.solve(often, often.error_steps)
-    modes = [pod.modes(run[field][::8])[0][:2] for field in error.FIELDS]
-    shapes = lifted_rom.decompose(often, {f"{f}_snapshots": run[f][::8] for f in error.FIELDS})
+    full = sph.solve(often, often.error_steps)
+    modes = [pod.modes(full[field][::8])[0][:2] for field in error.FIELDS]
+    shapes = lifted_rom.decompose(often, {f"{f}_snapshots": full[f][::8] for f in error.FIELDS})
     fates = set()
     for size in (0.2, 0.34, 0.5, 0.7):
         start = scene(initial_velocity=f"{size}*sin(2*pi*x/L)").initial_velocity
         times = []
         for interval in (1e-3, 3.2):
             case = replace(often, initial_velocity=start, error_interval=interval)
+            run: Run
             if method in lifted_rom.METHODS:
-                try:
-                    lifted_rom.build(case, shapes, 2).prepare(method).solve()
-                    broken = None
-                except Breakdown as breakdown:
-                    broken = breakdown
+                run = lifted_rom.build(case, shapes, 2).prepare(method)
             else:
-                *_, broken = ReducedModel(case, method, *modes).solve(case.error_steps)
+                run = ReducedModel(case, method, *modes).prepare(case.error_steps)
+            broken = run.run().breakdown()
             times.append(np.inf if broken is None else broken.time)
         assert np.isfinite(times).all() or np.isinf(times).all()
         fates.add(bool(np.isfinite(times[0])))

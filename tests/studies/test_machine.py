@@ -141,9 +141,9 @@ def test_a_broken_start_is_caught_at_its_particle_and_never_heals(name, particle
             solve(tuple(start))
         assert caught.value.time == 0
         assert caught.value.particle == particle
-        shown = np.zeros((2, case.error_times.size, case.particle_count))
-        assert prepare(tuple(start))(*shown, watch=False) == -1
-        assert (~np.isfinite(shown)).any(axis=(0, 2)).all()
+        run = prepare(tuple(start)).run(watch=False)
+        assert run.failed == -1
+        assert (~np.isfinite(run.state)).any(axis=(0, 2)).all()
 
 
 @settings(deadline=None, max_examples=40)
@@ -156,13 +156,11 @@ def test_full_sph_that_breaks_between_outputs_is_caught_at_the_next(name, step, 
         before = sph.solve(case, np.array([0, step]), neighbours)
         start = before["velocity"][1], before["density"][1]
         start[field][at] = bad
-        unseen = np.empty((2, 2, case.particle_count))
-        assert (
-            sph.prepare(case, np.array([step, output]), neighbours, start)(*unseen, watch=False)
-            == -1
-        )
+        unseen = sph.prepare(case, np.array([step, output]), neighbours, start).run(watch=False)
+        assert unseen.failed == -1
+        velocity, density = (field[1] for field in unseen.state)
         with pytest.raises(Breakdown, match=r"^scene crash: full SPH broke down") as caught:
-            sph.solve(case, after + output - step, neighbours, (unseen[0, 1], unseen[1, 1]))
+            sph.solve(case, after + output - step, neighbours, (velocity, density))
         assert caught.value.time == pytest.approx(output * case.time_step)
         # What is wrong spreads by as many particles a step as there are neighbours on a side.
         reach = 2 * (output - step) * (2 if case.is_even else 4)

@@ -11,7 +11,7 @@ from scenes import VARIED, scene
 
 from sphpod.full import lifted, sph
 from sphpod.pipeline import dataset
-from sphpod.reduced import lifted_rom
+from sphpod.reduced import lifted_rom, rom
 from sphpod.reduced.pod import modes as proper_modes
 from sphpod.stability.spectrum import FullSpectrum
 from sphpod.studies import time_steps
@@ -168,7 +168,7 @@ def test_a_nonlinear_model_runs_as_its_operator_for_small_seeds(changes):
     case = scene(initial_velocity=THREE_WAVES, **changes)
     modes, _ = decomposed(case)
     for method in time_steps.MODELS:
-        model = time_steps.galerkin(case, method, modes, 9)
+        model = rom.galerkin(case, method, modes, 9)
         march, size = time_steps.march_galerkin(model), 18
         np.testing.assert_array_equal(march(np.zeros(size), 1e-3, 3, 4), 0)
         seed = 1e-7 * np.random.default_rng(0).standard_normal(size)
