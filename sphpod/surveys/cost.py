@@ -315,13 +315,15 @@ def coarsest(task, integrator, target):
 def _run(task, name, integrator, runs, shown, time_step=np.nan):
     """A full model of prepared runs, one a query, whose fields are as `shown` makes them."""
     roots = [lifted.energy_weights(scene) for scene in task.scenes]
+    for run in runs:
+        run.state = task.kept
 
     def fields(n):
-        return shown(task.scenes[n]) if runs[n](*task.kept) < 0 else None
+        return shown(task.scenes[n]) if runs[n].run().breakdown() is None else None
 
     def answer():
         for scene, run, (mass, stiffness) in zip(task.scenes, runs, roots, strict=True):
-            run(*task.kept)
+            run.run()
             velocity, strain = shown(scene)
             squares = (mass * velocity[task.outputs]) ** 2 + (stiffness * strain[task.outputs]) ** 2
             task.quantities(scene, (velocity, strain), squares.sum(axis=1) / 2)
