@@ -75,12 +75,17 @@ def report(settings: dict[str, Any]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     table = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
     scenes = settings["scenes"].values()
+    total += sum(
+        sizes.answers(survey, settings["scenes"][survey["scene"]])
+        for survey in settings["surveys"].values()
+    )
     counts = (
         (len(scenes), "scenes"),
         (sum(len(scene["samplings"]) for scene in scenes), "samplings"),
         (sum(len(scene["acceleration"]) for scene in scenes), "comparisons of CPU time"),
         (sum(len(s["figures"]) for s in scenes) + len(settings["illustrations"]), "figures"),
         (len(settings["claims"]), "claims"),
+        (len(settings["surveys"]), "surveys"),
     )
     asked = ", ".join(f"{count} {what}" for count, what in counts if count)
     where = settings["output"] or "this folder"

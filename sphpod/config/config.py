@@ -36,7 +36,7 @@ from sphpod.config.scene_section import (
     error_interval,
     known_names,
 )
-from sphpod.config.sizes import check_sizes
+from sphpod.config.sizes import check_answers, check_sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
 from sphpod.config.start_section import check_start, own_start
 from sphpod.config.survey_section import resolved_surveys
@@ -103,6 +103,8 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     for name in resolved["scenes"]:
         borrow(name, resolved["scenes"])
     resolved["surveys"] = resolved_surveys(settings.get("surveys", {}), resolved["scenes"])
+    for name, survey in resolved["surveys"].items():
+        check_answers(name, survey, resolved["scenes"][survey["scene"]], memory)
     resolved["stability"] = resolved_stability(
         settings.get("stability", {}), resolved["scenes"], memory
     )

@@ -1,12 +1,14 @@
 """What a scene holds in memory and on disk, and how long full SPH takes, before anything runs."""
 
 from collections.abc import Iterator, Mapping
+from math import prod
 from typing import Any, NamedTuple
 
 from sphpod.config.mode_counts import mode_limit
 from sphpod.config.reading import refusal
 from sphpod.reduced.snapshots import is_of_run
 from sphpod.scene.scene import Scene
+from sphpod.surveys.samples import points
 
 NUMBER = 8
 """Bytes of a number."""
@@ -19,6 +21,12 @@ SNAPSHOTS_TOGETHER = 6
 
 FORCE_OF_STEP = 24, 192
 """Bytes that a step with a force takes in full SPH, and on the four times finer grid beside it."""
+
+OF_QUERY = 4
+"""Numbers of a query beside its parameters and quantities, about."""
+
+COPIES = 2
+"""How often the job that puts the answers of chunks together holds them."""
 
 STEP = 1.6e-9
 """Time that full SPH takes for a step of a particle, about [s]."""
@@ -82,6 +90,47 @@ def sizes(scene: Scene, settings: Mapping[str, Any]) -> Iterator[Size]:
             {key: value for key, value in sampling.items() if key in ("range", "count")},
             float(SNAPSHOTS_TOGETHER) * taken * count * NUMBER,
             f"{taken} snapshots of {count} particles",
+        )
+
+
+def answers(survey: Mapping[str, Any], scene: Mapping[str, Any]) -> float:
+    """Bytes of the answers of a survey, uncompressed: each quantity with both ends of its interval.
+
+    Parameters
+    ----------
+    survey, scene : dict
+        Their resolved blocks of the configuration.
+    """
+    queries, ranges = survey["queries"], scene["parameters"]
+    if "count" in queries:
+        count = float(queries["count"])
+    else:
+        count = prod(map(float, queries.get("grid", {}).values()))
+        count = float(len(points(ranges, queries))) if "from" in queries else count
+    outputs = round(scene["duration"] / survey["output_interval"]) + 1
+    numbers = [
+        3 * outputs if one["kind"] == "history" else 3 for one in survey["quantities"].values()
+    ]
+    return NUMBER * count * (len(ranges) + OF_QUERY + sum(numbers))
+
+
+def check_answers(
+    name: str, survey: Mapping[str, Any], scene: Mapping[str, Any], memory: float
+) -> None:
+    """Refuse a survey whose answers together would take more memory than is allowed.
+
+    Raises
+    ------
+    ConfigError
+    """
+    taken = COPIES * answers(survey, scene) / 1e9
+    if taken > memory:
+        raise refusal(
+            None,
+            f"surveys.{name}.queries",
+            survey["queries"],
+            f"their answers take {taken:.3g} GB; at most {memory:g} GB are allowed, which the key "
+            "memory can change; fewer queries or histories, or a longer output_interval, take less",
         )
 
 
