@@ -973,6 +973,18 @@ def test_a_browser_shows_the_errata_and_sorts_them(tmp_path):
     assert rows == [(row["erratum"], row["place"]) for row in reversed(found)]
 
 
+def test_an_output_that_cannot_be_made_is_refused_before_any_job(built):
+    settings = yaml.safe_load((built / "config/small.yaml").read_text()) | {"output": "/proc/x"}
+    path = built / "nowhere.yaml"
+    path.write_text(yaml.safe_dump({key: settings[key] for key in ("output", "scenes")}))
+    run = subprocess.run(
+        command("--configfile", str(path), "--", "/proc/x/results/waves/sph.nc"),
+        cwd=built, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "sphpod: output = /proc/x: this folder cannot be made (" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
 def test_lint_asks_only_for_containers(built):
     run = snakemake(built, "--lint")
     complaints = set(re.findall(r"^ +\* (.*)", run.stdout + run.stderr, re.MULTILINE))
