@@ -33,9 +33,12 @@ include: "workflow/rules/records.smk"
 
 onstart:
     if not OUTPUT.exists():
-        OUTPUT.mkdir(parents=True)
-        # What the pipeline makes is no part of anybody's repository.
-        (OUTPUT / ".gitignore").write_text("*\n")
+        try:
+            OUTPUT.mkdir(parents=True)
+            # What the pipeline makes is no part of anybody's repository.
+            (OUTPUT / ".gitignore").write_text("*\n")
+        except OSError as error:
+            stop(f"output = {OUTPUT}: this folder cannot be made ({error.strerror})")
     # Snakemake limits itself to 100 new jobs a second, by a timer for every decision it makes; with
     # jobs as short as these the timers take 5 % of a rebuild. A higher max-jobs-per-timespan, the
     # documented key, sets as many timers.

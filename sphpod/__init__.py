@@ -4,7 +4,7 @@ The public names are those of `__all__`; `docs/quickstart.md` goes through them.
 when they are first used, so that ``import sphpod`` costs nothing.
 """
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 # Modules are named by text: what is imported here counts as code of all that imports the package.
 _HOMES = {

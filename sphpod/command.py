@@ -15,6 +15,7 @@ from sphpod.config.configuration import schema
 from sphpod.config.reading import ConfigError
 from sphpod.paper import claims
 from sphpod.scene.scene import Scene
+from sphpod.surveys import samples
 
 COLUMNS = "scene", "particles", "time steps", "outputs", "full SPH [s]", "memory [GB]", "disk [MB]"
 
@@ -75,12 +76,18 @@ def report(settings: dict[str, Any]) -> list[str]:
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     table = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)) for row in rows]
     scenes = settings["scenes"].values()
+    for survey in settings["surveys"].values():
+        keys = settings["scenes"][survey["scene"]]
+        queries = samples.count(keys["parameters"], survey["queries"])
+        outputs = round(keys["duration"] / survey["output_interval"]) + 1
+        total += sizes.answers(survey, len(keys["parameters"]), queries, outputs)
     counts = (
         (len(scenes), "scenes"),
         (sum(len(scene["samplings"]) for scene in scenes), "samplings"),
         (sum(len(scene["acceleration"]) for scene in scenes), "comparisons of CPU time"),
         (sum(len(s["figures"]) for s in scenes) + len(settings["illustrations"]), "figures"),
         (len(settings["claims"]), "claims"),
+        (len(settings["surveys"]), "surveys"),
     )
     asked = ", ".join(f"{count} {what}" for count, what in counts if count)
     where = settings["output"] or "this folder"

@@ -94,6 +94,14 @@ def sizes(scene: Scene, settings: Mapping[str, Any]) -> Iterator[Size]:
         )
 
 
+def answers(survey: Mapping[str, Any], parameters: int, queries: int, outputs: int) -> float:
+    """Bytes of the answers of a survey: each quantity with both ends of its interval."""
+    kinds = [quantity["kind"] for quantity in survey["quantities"].values()]
+    curves = kinds.count("history")
+    numbers = parameters + IN_ROW + 3 * (len(kinds) - curves + outputs * curves)
+    return float(NUMBER) * queries * numbers
+
+
 def survey_sizes(
     key: str, scene: Scene, survey: Mapping[str, Any], parameters: int, queries: int
 ) -> Iterator[Size]:
@@ -123,11 +131,10 @@ def survey_sizes(
     )
     kinds = [quantity["kind"] for quantity in survey["quantities"].values()]
     scalars = len(kinds) - kinds.count("history")
-    row = NUMBER * (parameters + IN_ROW + 3 * (scalars + outputs * kinds.count("history")))
     yield Size(
         f"{key}.queries",
         survey["queries"],
-        float(ROWS_TOGETHER) * queries * row,
+        ROWS_TOGETHER * answers(survey, parameters, queries, outputs),
         f"the answers of {queries} queries",
     )
     sampled = survey["sobol_samples"] * (parameters + 2)

@@ -229,7 +229,7 @@ class Survey(Section):
         "[s], a whole number of time steps, default T/100 or else the error interval",
     )
     chunk_size: int = Field(
-        1000, ge=1, le=LARGEST_COUNT, description="queries of one job, default 1000"
+        10_000, ge=1, le=LARGEST_COUNT, description="queries of one job, default 10000"
     )
     validation: int = Field(
         8, ge=0, le=10000, description="queries that are also solved in full, default 8"

@@ -1,5 +1,6 @@
 """When snapshots are taken, and taking them out of a full SPH solution."""
 
+import os
 import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -140,11 +141,12 @@ def own(scene: Scene, sampling: Mapping[str, Any]) -> dict[str, np.ndarray]:
     import netCDF4
 
     path = sampling["from"]
+    if not os.path.isfile(path):
+        raise ValueError("there is no such file")
     try:
         file = netCDF4.Dataset(path)
     except OSError:
-        what = "no NetCDF file" if Path(path).exists() else "no such file"
-        raise ValueError(f"there is {what}") from None
+        raise ValueError("there is no NetCDF file") from None
     arrays = {"x": scene.positions}
     with file:
         for field in FIELDS:

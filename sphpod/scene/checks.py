@@ -186,11 +186,7 @@ def _check_profiles(scene, fine, refuse):
         for points in _looked_at(scene, expression, key, fine, refuse):
             values = expression(**points)
             _check_values(key, expression, values, points, refuse)
-            sizes, (low, high) = values[values > 0], MOVING
-            if sizes.size and not low <= sizes.min() <= sizes.max() <= high:
-                extreme = sizes.max() if sizes.max() > high else sizes.min()
-                least = f"0 or from {low:g}" if key == "damping" else f"from {low:g}"
-                refuse(key, expression.text, f"it is {extreme:g}, and must be {least} to {high:g}")
+            _check_size(key, expression, values, refuse)
             allowed = values >= 0 if key == "damping" else values > 0
             if not allowed.all():
                 worst = int(np.where(allowed, np.inf, values).argmin())
@@ -287,6 +283,16 @@ def _check_work(scene, refuse):
                 expression.text,
                 f"its sums have {expression.terms} terms; at {points} {what}, {most} are allowed",
             )
+
+
+def _check_size(key, expression, values, refuse):
+    """Refuse material whose square is beyond double precision; a damping may rise from zero."""
+    (low, high), largest = MOVING, values.max()
+    least = largest if key == "damping" else values[values > 0].min(initial=high)
+    if not (low <= least and largest <= high) and largest > 0:
+        allowed = f"0, or from {low:g}" if key == "damping" else f"from {low:g}"
+        extreme = largest if largest > high else least
+        refuse(key, expression.text, f"it is {extreme:g}, and must be {allowed} to {high:g}")
 
 
 def _check_moving(key, text, values, refuse):

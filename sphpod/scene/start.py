@@ -4,10 +4,10 @@ The time is the scene's t = 0, and what it starts from strains it; without one a
 v0 and unstrained. Between the particles, where only references look, it is a periodic cubic spline.
 """
 
+import os
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,8 +15,14 @@ import numpy as np
 from sphpod.numerics.expressions import Expression
 from sphpod.scene.ends import STRAIN, VELOCITY, Ends
 
-NEAR = 1e-9
-"""Part of a spacing, or of a time, by which what is kept may be beside what is asked for."""
+NEAR = 1e-6
+"""Part of a time by which one may be beside what is asked for, as single precision rounds."""
+
+BESIDE = 1e-3
+"""Part of a spacing by which the same particle may be at another place."""
+
+AT_REST = 1e-9
+"""Part of the largest value that one at an end may be, as it is rounded."""
 
 
 class Kept(Expression):
@@ -114,11 +120,12 @@ def _state(given, places, density0):
     import netCDF4
 
     path, asked = given["from"], given["t"]
+    if not os.path.isfile(path):
+        raise _refused("from", path, "there is no such file")
     try:
         file = netCDF4.Dataset(path)
     except OSError:
-        what = "no NetCDF file" if Path(path).exists() else "no such file"
-        raise _refused("from", path, f"there is {what}") from None
+        raise _refused("from", path, "there is no NetCDF file") from None
 
     def read(name, row=...):
         try:
@@ -141,14 +148,14 @@ def _state(given, places, density0):
         spacing = np.diff(places).min()
         if not np.isfinite(times).all() or not times.size:
             raise _refused("from", path, "its t must be finite, and hold a time at least")
-        if x.shape != places.shape or not (np.abs(x - places) <= NEAR * spacing).all():
+        if x.shape != places.shape or not (np.abs(x - places) <= BESIDE * spacing).all():
             there = f"x is of shape {x.shape}"
             if x.shape == places.shape:
-                n = int(np.argmin(np.abs(x - places) <= NEAR * spacing))
+                n = int(np.argmin(np.abs(x - places) <= BESIDE * spacing))
                 there = f"particle {n} is at x = {x[n]:.9g}, and at {places[n]:.9g} here"
             raise _refused("from", path, f"it is of other particles: {there}")
         row = int(np.argmin(np.abs(times - asked)))
-        if not abs(times[row] - asked) <= NEAR * max(abs(asked), spacing * NEAR):
+        if not abs(times[row] - asked) <= NEAR * asked:
             held = f"its times are {times[0]:g} to {times[-1]:g}, the nearest {times[row]:.9g}"
             raise _refused("t", asked, f"the file {path} does not hold it; {held}")
         velocity, other = read("velocity", row), read(second, row)
@@ -165,7 +172,7 @@ def _on_line(given, ends, count, field, odd):
     """A field of a bar on all of the line, about ends of a kind odd, and so zero on them."""
     sources, signs = ends.images(count, odd)
     there = np.abs(field[sources[signs == 0]]).max(initial=0)
-    if there > NEAR * np.abs(field).max():
+    if there > AT_REST * np.abs(field).max():
         what = "velocity" if odd == VELOCITY else "strain"
         allowed = f"its {what} at an end that is {odd} is {there:g}, and must be 0"
         raise _refused("from", given["from"], allowed)

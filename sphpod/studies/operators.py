@@ -25,7 +25,16 @@ from sphpod.reduced import lifted_rom
 from sphpod.reduced.lifted_rom import LiftedModel
 from sphpod.reduced.rom import ReducedModel, galerkin, modes_resolved
 from sphpod.scene.scene import Scene
-from sphpod.studies.study import RUN, WITHOUT_FREE_ENDS, Dataset, Drawing, Study, sampled, scenes
+from sphpod.studies.study import (
+    RUN,
+    WITHOUT_FREE_ENDS,
+    Dataset,
+    Drawing,
+    Need,
+    Study,
+    sampled,
+    scenes,
+)
 
 RANDOM_MODES = 20
 """Largest number of modes of a random basis, of velocity and of density each."""
@@ -336,6 +345,13 @@ def _runs(config, study, *keys):
     return [tuple(run[key] for key in keys)] if run else []
 
 
+GRADED: Need = (
+    lambda scene: RUN[0](scene) and bool(np.ptp(scene.density0()) + np.ptp(scene.modulus())),
+    f"{RUN[1]}, whose density or modulus varies",
+)
+"""A scene of which a model of random modes may grow."""
+
+
 STUDY = Study(
     datasets={
         "operators": Dataset(
@@ -361,7 +377,7 @@ STUDY = Study(
             compute="studies.operators.example",
             message="{scene}: a run of random modes that grows",
             arguments={"seed": lambda scene, setting: 0},
-            needs=RUN,
+            needs=GRADED,
             places=lambda config: _runs(config, "random_run", "scene"),
         ),
         "long_run": Dataset(

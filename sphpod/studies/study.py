@@ -45,8 +45,8 @@ WITHOUT_FREE_ENDS: Need = _without_free_ends, "without free ends"
 """A scene that the paper's models know."""
 
 STEADY: Need = (
-    lambda scene: scene.is_steady and _without_free_ends(scene),
-    "without free ends, of which neither youngs_modulus nor damping names t",
+    lambda scene: scene.is_steady and _without_free_ends(scene) and not scene.start,
+    "without start and free ends, of which neither youngs_modulus nor damping names t",
 )
 
 RUN: Need = (

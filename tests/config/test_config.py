@@ -300,7 +300,7 @@ REFUSALS = [
     ({"initial_velocity": f"nth(({'1, ' * 10001}), x)"}, ["nth takes 10000 numbers at most"]),
     ({"youngs_modulus": 1e-320}, ["it is 9.99989e-321, and must be from 1e-140 to 1e+140"]),
     ({"initial_density": 1e200}, ["it is 1e+200, and must be from 1e-140 to 1e+140"]),
-    ({"damping": "1e-200*x"}, ["and must be 0 or from 1e-140 to 1e+140"]),
+    ({"damping": "1e-200*x"}, ["and must be 0, or from 1e-140 to 1e+140"]),
     # keys
     ({"particel_count": 3}, ["particel_count = 3", "unknown key", "did you mean particle_count"]),
     ({"samplings.few.cuont": 3}, ["samplings.few.cuont = 3", "unknown key", "count", "range"]),

@@ -217,3 +217,14 @@ def test_all_names_of_the_results_are_taken() -> None:
     written |= design.VARIABLES
     assert {*written, *answers.OF_QUERY} <= {*survey_section.TAKEN}
     assert {*training.RUN_VARIABLES} <= {*survey_section.TAKEN_FROM_PARAMETERS}
+
+
+def test_answers_beyond_the_memory_are_refused_before_any_is_sought() -> None:
+    many = settings({"error_interval": 2e-3}, queries={"count": 10**7}, output_interval=2e-3)
+    assert refused(many).startswith(
+        "surveys.graded.queries = {sampling: sobol, seed: 0, count: 100"
+    )
+    assert "the answers of 10000000 queries" in refused(many)
+    assert load([], many | {"memory": 1e6})["surveys"]["graded"]["queries"]["count"] == 10**7
+    grid = settings(queries={"grid": {"stiffness": 1000, "contrast": 1000, "decay": 10}})
+    assert "the answers of 10000000 queries" in refused(grid)

@@ -172,6 +172,8 @@ def test_the_checksum_is_of_the_state(tmp_path):
 REFUSALS = [
     ({"start": {"from": "none.nc", "t": 0}}, ["start.from = none.nc", "no such file"]),
     ({"start": {"from": __file__, "t": 0}}, ["start.from = ", "no NetCDF file"]),
+    ({"start": {"from": "a" * 5000, "t": 0}}, ["start.from = aaa", "no such file"]),
+    ({"start": {"from": "http://localhost:1/x.nc", "t": 0}}, ["start.from = http", "no such file"]),
     ({"t": 0.505}, ["start.t = 0.505", "does not hold it", "0 to 1, the nearest 0.5"]),
     ({"t": 1.5}, ["start.t = 1.5", "does not hold it"]),
     ({"particle_count": 41}, ["velocity is of shape (101, 40)", "101 times of 41 particles"]),

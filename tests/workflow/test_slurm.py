@@ -68,8 +68,11 @@ def test_one_job_makes_the_bytes_of_a_local_run(local, tmp_path):
 
 
 def test_a_survey_in_chunks_makes_the_bytes_of_a_local_run(tmp_path):
-    folders = [copy_of_project(tmp_path / name) for name in ("local", "queued")]
+    folders = tmp_path / "local", tmp_path / "queued"
     ways = ["--cores", "2"], ["--workflow-profile", "profiles/slurm"]
+    for folder in folders:
+        folder.mkdir()
+        copy_of_project(folder)
     for folder, way in zip(folders, ways, strict=True):
         run = snakemake(folder, *way, "--", "surveys")
         assert run.returncode == 0, run.stderr

@@ -95,6 +95,11 @@ def said_of(folder, config, target):
         ("small.yaml", "small/figures/sub/x.png", "figure = sub/x.png: allowed are "),
         ("small.yaml", "small/results/surveys/unknown/x.csv", "survey = unknown: allowed are gra"),
         ("small.yaml", "small/results/waves/variants.nc", "scene = waves: "),
+        (
+            "small.yaml",
+            "small/results/waves/random_run.nc",
+            "scene = waves: this needs one without",
+        ),
         ("bars.yaml", "bars/results/flying/uniform40/mode_pairs.nc", "scene = flying: this needs"),
         ("bars.yaml", "bars/results/flying/uniform40/original/k3+2.nc", "scene flying: boundary"),
         ("in_time.yaml", "in_time/results/pumped/damping_map.nc", "scene = pumped: this needs"),

@@ -973,6 +973,37 @@ def test_a_browser_shows_the_errata_and_sorts_them(tmp_path):
     assert rows == [(row["erratum"], row["place"]) for row in reversed(found)]
 
 
+def test_an_output_that_cannot_be_made_is_refused_before_any_job(built):
+    settings = yaml.safe_load((built / "config/small.yaml").read_text()) | {"output": "/proc/x"}
+    path = built / "nowhere.yaml"
+    path.write_text(yaml.safe_dump({key: settings[key] for key in ("output", "scenes")}))
+    run = subprocess.run(
+        command("--configfile", str(path), "--", "/proc/x/results/waves/sph.nc"),
+        cwd=built, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    assert "sphpod: output = /proc/x: this folder cannot be made (" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+def test_no_group_of_a_cluster_is_left_and_entered_again(built):
+    """Snakemake would find that at the first job, and stop."""
+    targets = "all", "lifted", "benchmarks", "stability", "surveys"
+    graph = snakemake(built, "--forceall", "--rulegraph", "dot", "--", *targets).stdout
+    names = dict(re.findall(r'(\d+)\[label = "([^"\\]+)', graph))
+    after: dict[str, set[str]] = {name: set() for name in names.values()}
+    for first, then in re.findall(r"(\d+) -> (\d+)", graph):
+        after[names[first]].add(names[then])
+    groups = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text())["groups"]
+    assert groups.keys() & after.keys() > {"survey_model", "survey_answers", "page"}
+    for group in set(groups.values()):
+        within = {rule for rule in groups if groups[rule] == group}
+        left = {then for rule in within & after.keys() for then in after[rule]} - within
+        while left:
+            rule = left.pop()
+            assert not after[rule] & within, (group, rule, after[rule] & within)
+            left |= after[rule]
+
+
 def test_lint_asks_only_for_containers(built):
     run = snakemake(built, "--lint")
     complaints = set(re.findall(r"^ +\* (.*)", run.stdout + run.stderr, re.MULTILINE))
