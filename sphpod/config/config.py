@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 from sphpod.config import refusals
 from sphpod.config.borrowed import borrow
 from sphpod.config.boundary import check_ends
-from sphpod.config.chain_section import spread_chain
+from sphpod.config.chain_section import INSTEAD, spread_chain
 from sphpod.config.configuration import (
     Benchmark,
     Configuration,
@@ -38,7 +38,7 @@ from sphpod.config.scene_section import (
 )
 from sphpod.config.sizes import check_sizes, sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
-from sphpod.config.start_section import check_start, own_start
+from sphpod.config.start_section import EITHER, check_start
 from sphpod.config.survey_section import resolved_surveys
 from sphpod.config.varied import check_pairs, check_variants
 from sphpod.numerics.error import FIELDS
@@ -129,7 +129,15 @@ def _spread_defaults(settings):
         for name, scene in known.items():
             if isinstance(scene, dict):
                 given = plain(defaults) | scene if isinstance(defaults, dict) else scene
-                known[name] = spread_chain(str(name), own_start(scene, given))
+                known[name] = spread_chain(str(name), _own_way(scene, given))
+
+
+def _own_way(scene, given):
+    """Keys given to a scene by defaults too, without those that one of its own stands for."""
+    both = [*INSTEAD.items(), EITHER]
+    others = [*both, *(pair[::-1] for pair in both)]
+    said = {other for own, other in others if own in scene and other not in scene}
+    return {key: value for key, value in given.items() if key not in said}
 
 
 def check_modes(

@@ -26,6 +26,13 @@ MOST_ENTRIES = 200_000
 """Keys and values of a file, its aliases written out."""
 
 
+MARKS = {
+    "UTF-32": (b"\xff\xfe\0\0", b"\0\0\xfe\xff"),
+    "UTF-16": (b"\xff\xfe", b"\xfe\xff"),
+}
+"""What files in other encodings begin with."""
+
+
 class ConfigError(ValueError):
     """A configuration, or a target asked for, that is not allowed; the message is one sentence."""
 
@@ -125,8 +132,9 @@ def _not_yaml(path, mark, problem):
 
 def _decoded(content, path):
     """The text of a file, without the mark that some editors begin UTF-8 with."""
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise ConfigError(f"{path}, line 1: this is UTF-16; UTF-8 is needed")
+    for name, marks in MARKS.items():
+        if content.startswith(marks):
+            raise ConfigError(f"{path}, line 1: this is {name}; UTF-8 is needed")
     try:
         return content.decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -23,12 +23,6 @@ class Start(Section):
     t: float = Field(ge=0, description="time [s] in the file, which is t = 0 of the scene")
 
 
-def own_start(scene: Mapping[str, Any], given: Mapping[str, Any]) -> dict[str, Any]:
-    """Keys given to a scene by defaults too, without what it says in another way itself."""
-    instead = [key for key in EITHER if key not in scene and any(key in scene for key in EITHER)]
-    return {key: value for key, value in given.items() if key not in instead}
-
-
 def check_start(name: str, settings: Mapping[str, Any]) -> None:
     """Refuse a scene that does not say what it starts from, or says it twice.
 

@@ -59,6 +59,12 @@ def test_the_chain_moves_in_its_own_modes():
     assert np.isfinite(lifted.solve(scene, "exact")["velocity"]).all()
 
 
+def test_a_chain_needs_no_defaults_of_density_and_modulus():
+    defaults = {"initial_density": 1, "youngs_modulus": 0.1}
+    settings = {"defaults": defaults, "scenes": {"own": dict(CHAIN)}}
+    assert config.load([], settings)["scenes"]["own"] == loaded()
+
+
 def test_a_chain_may_be_called_periodic():
     assert loaded(boundary="periodic")["references"] == ["chain"]
 

@@ -35,6 +35,7 @@ def read(tmp_path):
         ("a: 1\n---\nb: 2", "line 2: this is not YAML (but found another document)"),
         ("a: 1\nb: \0", "line 2: this is not YAML (a control character, #x00)"),
         ("5", "holds 5 where keys and values are needed"),
+        ("a: 1".encode("utf-32"), "line 1: this is UTF-32; UTF-8 is needed"),
         ("a: 1".encode("utf-16"), "line 1: this is UTF-16; UTF-8 is needed"),
         ("a: 1\nb: é".encode("latin-1"), "line 2: the byte 0xe9 is not UTF-8, which is needed"),
         ("a: [1, f(x, 2), 3]", "line 1: f(x ends at a comma within its bracket"),
