@@ -220,7 +220,8 @@ def test_all_names_of_the_results_are_taken() -> None:
 
 
 def test_answers_beyond_the_memory_are_refused_before_any_is_sought() -> None:
-    many = settings({"error_interval": 2e-3}, queries={"count": 10**7}, output_interval=2e-3)
+    keys = {"output_interval": 2e-3, "chunk_size": 10**6}
+    many = settings({"error_interval": 2e-3}, queries={"count": 10**7}, **keys)
     assert refused(many).startswith(
         "surveys.graded.queries = {sampling: sobol, seed: 0, count: 100"
     )
