@@ -1,6 +1,7 @@
 """How much of a quantity's variance each parameter makes: first and total Sobol indices."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -63,7 +64,9 @@ def share_out(
     found = sobol_indices(
         func=respond, n=survey["sobol_samples"], dists=[uniform()] * len(ranges), rng=SEED
     )
-    spread = found.bootstrap(confidence_level=CONFIDENCE)
+    # SciPy resamples by numpy's own random state, and takes no other here.
+    with _seeded(SEED):
+        spread = found.bootstrap(confidence_level=CONFIDENCE)
     shape = len(scalars), len(ranges)
     # SciPy gives zeros of what has no variance, as if no parameter mattered.
     every = np.concatenate(responses, axis=1)
@@ -80,3 +83,14 @@ def share_out(
             shares[unknown] = np.nan
             arrays[f"{kind}_index{end}"] = shares
     return arrays
+
+
+@contextmanager
+def _seeded(seed: int) -> Iterator[None]:
+    """Numpy's own random state from a seed on, and afterwards as it was."""
+    state = np.random.get_state()  # noqa: NPY002
+    np.random.seed(seed)  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(state)  # noqa: NPY002

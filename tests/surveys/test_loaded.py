@@ -157,6 +157,8 @@ def test_indices_of_a_quantity_that_one_parameter_makes(made) -> None:
     assert first["stiffness"] < 0.2
     rows = tables.indices(found)
     assert len(rows["parameter"]) == 3
+    again = sensitivity.share_out("bar", physics, kept, model)
+    assert all(np.array_equal(found[name], again[name]) for name in found)
 
 
 def test_quantiles_leave_out_what_has_no_answer() -> None:
