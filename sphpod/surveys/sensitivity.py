@@ -1,6 +1,7 @@
 """How much of a quantity's variance each parameter makes: first and total Sobol indices."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,7 @@ def share_out(
         quantity, parameter, and first_index, total_index with _low and _high, (quantities,
         parameters); NaN where a query has no value of a quantity or that does not vary.
     """
-    from scipy.stats import bootstrap, sobol_indices, uniform
+    from scipy.stats import sobol_indices, uniform
 
     reduced, asked = of_settings(name, settings, survey, model)
     ranges = settings["parameters"]
@@ -60,24 +61,12 @@ def share_out(
         responses.append(np.array([found[word] for word in scalars]))
         return responses[-1]
 
-    sampled = []
-
-    def estimated(f_A, f_B, f_AB):
-        sampled.extend([f_A, f_B, f_AB])
-        return _estimated(f_A, f_B, f_AB)
-
-    count = survey["sobol_samples"]
     found = sobol_indices(
-        func=respond, n=count, dists=[uniform()] * len(ranges), method=estimated, rng=SEED
+        func=respond, n=survey["sobol_samples"], dists=[uniform()] * len(ranges), rng=SEED
     )
-
-    # SciPy's own bootstrap of indices is drawn anew each time.
-    def redrawn(chosen):
-        return np.stack(_estimated(*(f[..., chosen] for f in sampled)))
-
-    spread = bootstrap(
-        [np.arange(count)], redrawn, method="BCa", confidence_level=CONFIDENCE, rng=SEED
-    ).confidence_interval
+    # SciPy resamples by numpy's own random state, and takes no other here.
+    with _seeded(SEED):
+        spread = found.bootstrap(confidence_level=CONFIDENCE)
     shape = len(scalars), len(ranges)
     # SciPy gives zeros of what has no variance, as if no parameter mattered.
     every = np.concatenate(responses, axis=1)
@@ -86,8 +75,9 @@ def share_out(
         "quantity": np.array(scalars, object),
         "parameter": np.array(list(ranges), object),
     }
-    for n, kind in enumerate(("first", "total")):
-        values = getattr(found, f"{kind}_order"), spread.low[n], spread.high[n]
+    for kind in ("first", "total"):
+        interval = getattr(spread, f"{kind}_order").confidence_interval
+        values = getattr(found, f"{kind}_order"), interval.low, interval.high
         for end, value in zip(("", "_low", "_high"), values, strict=True):
             shares = np.array(value, float).reshape(shape)
             shares[unknown] = np.nan
@@ -95,20 +85,12 @@ def share_out(
     return arrays
 
 
-def _estimated(f_A, f_B, f_AB):
-    """First and total indices by the estimators of Saltelli and others (2010), table 2 (b) and (f).
-
-    Parameters
-    ----------
-    f_A, f_B, f_AB : arrays, shapes (quantities, samples) and (parameters, quantities, samples)
-        Responses to samples A and B, and to A with one parameter of B.
-
-    Returns
-    -------
-    first, total : arrays, shape (quantities, parameters)
-    """
-    variance = np.var([f_A, f_B], axis=(0, -1))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first = np.mean(f_B * (f_AB - f_A), axis=-1) / variance
-        total = np.mean((f_A - f_AB) ** 2, axis=-1) / 2 / variance
-    return first.T, total.T
+@contextmanager
+def _seeded(seed: int) -> Iterator[None]:
+    """Numpy's own random state from a seed on, and afterwards as it was."""
+    state = np.random.get_state()  # noqa: NPY002
+    np.random.seed(seed)  # noqa: NPY002
+    try:
+        yield
+    finally:
+        np.random.set_state(state)  # noqa: NPY002
