@@ -54,8 +54,14 @@ def train(solved: Iterable[tuple[Scene, Arrays]]) -> dict[str, np.ndarray]:
     stress = np.concatenate([scene.modulus() * fields["strain"] for scene, fields in solved])
     translates = any(scene.translates for scene, _ in solved)
     constant = (volumes / np.linalg.norm(volumes))[None][: int(translates)]
+    # Of a motion that is a translation alone, waves are rounding.
+    impedance = max(np.sqrt((scene.density0() * scene.modulus()).max()) for scene, _ in solved)
+    size = max(np.linalg.norm(velocity) * impedance, np.linalg.norm(volumes * stress))
     velocity = velocity - velocity @ constant.T @ constant
-    found = [_ranked(rows) / volumes for rows in (velocity, volumes * stress)]
+    found = [
+        _ranked(rows, least) / volumes
+        for rows, least in ((velocity, size / impedance), (volumes * stress, size))
+    ]
     return {
         "velocity_modes": np.concatenate([constant / volumes, found[0]]),
         "stress_modes": found[1],
@@ -63,10 +69,10 @@ def train(solved: Iterable[tuple[Scene, Arrays]]) -> dict[str, np.ndarray]:
     }
 
 
-def _ranked(rows):
-    """Proper modes, as many as the numerical rank of the rows."""
+def _ranked(rows, size):
+    """Proper modes, as many as the numerical rank of the rows, of which some may be rounding."""
     found = proper_modes(rows, None)
-    zero = max(rows.shape) * np.finfo(float).eps * found.singular_values[0]
+    zero = max(rows.shape) * np.finfo(float).eps * size
     return found.modes[: np.count_nonzero(found.singular_values > zero)]
 
 

@@ -190,6 +190,15 @@ FAST = {
 }
 
 
+def test_a_scene_that_only_moves_on_has_no_waves() -> None:
+    still = {"initial_velocity": "1e-3*(1 + contrast)", "youngs_modulus": "stiffness"}
+    physics, keys, model = trained(still | {"damping": "decay"})
+    assert len(model["velocity_modes"]) == 1
+    found = validation.validate("bar", physics, keys, model)
+    assert found["relative_bound"].max() < 1e-9
+    assert found["inside"].all()
+
+
 def test_a_training_run_that_folds_says_where() -> None:
     with pytest.raises(ValueError, match=r"broke down by t = .*, at speed = 0\.\d+; narrow"):
         trained(FAST)
