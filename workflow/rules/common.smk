@@ -508,7 +508,12 @@ def known_reference(wildcards):
     known_scene(wildcards)
     scene = Scene.from_settings(wildcards.scene, physics(wildcards))
     exists = exact.kind(scene)
-    kinds = ["fd", "centred", *["chain"] * (scene.is_even and not scene.start), *(["exact"] if exists else [])]
+    kinds = [
+        "fd",
+        "centred",
+        *["chain"] * (scene.is_even and not scene.start),
+        *(["exact"] if exists else []),
+    ]
     kinds += ["modified"] if exists == "dalembert" else []
     return known(f"scene {wildcards.scene}: reference", wildcards.kind, kinds)
 
