@@ -29,7 +29,7 @@ pytestmark = pytest.mark.workflow
 SOURCES = ("Snakefile", "config", "profiles", "sphpod", "workflow")
 # The rules whose results are measured times, and what is computed from those.
 TIMED = re.compile(
-    r"/(cpu_time|step_time|benchmark|skipping|scaling|claims|detection)\.|/acceleration\.csv$|/logs/"
+    r"/(cpu_time|step_time|benchmark|skipping|scaling|claims|detection|cost)\.|/acceleration\.csv$|/logs/"
     r"|(_acceleration|/benchmark_[^/]+)\.(pdf|png)$"
 )
 # Rules that are run for the targets `lifted` and `benchmarks` alone.
