@@ -311,7 +311,8 @@ def instants(courses: list[Course], most: int = INSTANTS) -> np.ndarray:
     found = []
     for course in courses:
         every = max(1, course.edges.size // MOST_PIECES)
-        low, high = course.edges[:-1:every], course.edges[1::every]
+        edges = np.append(course.edges[:-1:every], course.edges[-1])
+        low, high = edges[:-1], edges[1:]
         within = (
             low[:, None] + (high - low)[:, None] * (1 - np.cos(np.linspace(0, np.pi, POINTS))) / 2
         )

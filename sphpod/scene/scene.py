@@ -379,12 +379,13 @@ class Scene:
             profiles = np.mean([parts.profiles(x) for x in self._half_cells()], axis=0)
         return Changing(parts.factors, np.ascontiguousarray(profiles), self.duration)
 
-    def separated(self, expression: Expression) -> Separated:
-        """A function of x and t as a sum of products, at the particles."""
+    def separated(self, expression: Expression, beside: float = 0.0) -> Separated:
+        """A function of x and t as a sum of products, at the particles or ``beside`` them [m]."""
+        places = self.positions + beside
         if isinstance(expression, Mirrored):
-            inner, places = expression.expression, self.positions[: self.bar_count]
-            return expression.of_line(separate(inner, self.duration, places))
-        return separate(expression, self.duration, self.positions)
+            within = places[: self.bar_count - (beside > 0)]
+            return expression.of_line(separate(expression.expression, self.duration, within))
+        return separate(expression, self.duration, places)
 
     def modulus(self) -> np.ndarray:
         """Young's modulus of the particles in SPH [Pa], shape (N,); of one that changes, at t = 0.

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from sphpod.numerics import separation
+from sphpod.numerics.course import Course
 from sphpod.numerics.expressions import Expression
 from sphpod.numerics.separation import Everywhere, Interpolated, Products, separate
 
@@ -78,3 +80,11 @@ def test_too_many_places_for_that_are_refused():
     many = np.arange(5000) / 2500
     with pytest.raises(ValueError, match=r"^it is no sum of few products .* 4096 at most$"):
         separate(Expression("where(x < 0.4*t, 1, 0)", ("x", "t"), CONSTANTS), 5.0, many)
+
+
+def test_instants_leave_no_gap_where_there_are_many_pieces(monkeypatch) -> None:
+    monkeypatch.setattr(separation, "MOST_PIECES", 2)
+    steps = " + ".join(f"where(t > {n / 7}, 1, 0)" for n in range(1, 7))
+    course = Course.of(Expression(steps, ("t",), {}), 1.0)
+    assert course.edges.size > 5
+    assert np.diff(separation.instants([course])).max() < 0.05
