@@ -42,7 +42,7 @@ TAKEN = (
     *("t", "relative_bound", "relative_estimate", "certified", "reason", "query"),
     *("true_error", "effectivity", "inside", "quantity", "parameter", "surface"),
     *(f"{kind}_index{end}" for kind in ("first", "total") for end in ("", "_low", "_high")),
-    *("velocity_modes", "stress_modes", "translation", "mode_count", "training_points"),
+    *("velocity_modes", "translation", "mode_count", "training_points"),
     *("contender", "integrator", "contender_mode_count", "contender_time_step", "query_error"),
     *("query_seconds", "training_seconds", "break_even", "break_even_unbounded"),
     *("round", "holds", "verdict", "designed"),

@@ -387,17 +387,24 @@ class OwnModes:
 
 def normal_modes(coupling: np.ndarray, rigid: int, damping: float) -> OwnModes:
     """Under uniform damping: singular vectors of B pair velocity with strain."""
-    kv, ke = coupling.shape
     left, frequencies, right = np.linalg.svd(coupling[rigid:])
+    return oscillators(left, frequencies, right.T, rigid, damping)
+
+
+def oscillators(
+    velocity: np.ndarray, frequencies: np.ndarray, strain: np.ndarray, rigid: int, damping: float
+) -> OwnModes:
+    """Pairs of velocity and strain, one a column, that turn into each other, and translations."""
+    kv, ke = len(velocity) + rigid, len(strain)
     blocks = np.zeros((kv, 2, 2))
     blocks[:, 0, 0] = -damping
     pairs = np.arange(frequencies.size)
     blocks[pairs, 0, 1], blocks[pairs, 1, 0] = frequencies, -frequencies
     to_modes = np.zeros((kv + ke, kv + ke))
     # Waves first, those without a strain of their own behind; the translation, a single, is last.
-    to_modes[rigid:kv, : kv - rigid] = left
+    to_modes[rigid:kv, : kv - rigid] = velocity
     to_modes[:rigid, kv - rigid : kv] = np.eye(rigid)
-    to_modes[kv:, kv:] = right.T
+    to_modes[kv:, kv:] = strain
     return OwnModes(blocks, kv - ke, to_modes, orthogonal=True, apart=True)
 
 

@@ -146,7 +146,7 @@ def _pairs(scene: Scene) -> list[Pair]:
 def _of_surveys(scene: Scene, plain: Callable[[], object]) -> list[Pair]:
     """What of a survey a run at nominal values, and a parameter that scales a force, do without."""
     rows = waves(scene.particle_count, MODES)
-    shared = {"velocity_modes": rows, "stress_modes": rows[1:], "translation": 1}
+    shared = {"velocity_modes": rows, "translation": 1}
     settings = {
         "domain_length": scene.domain_length,
         "duration": scene.duration,

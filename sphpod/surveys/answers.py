@@ -103,7 +103,7 @@ def of_settings(
 ) -> tuple[Survey, dict[str, Question]]:
     """A survey and its questions, of the settings of its scene and of a trained model."""
     operators = Operators(name, settings, model)
-    if not all(operators.is_affine):
+    if not operators.is_affine:
         logger.info(
             "scene %s: its parameters change the shape of a coefficient, which each query "
             "evaluates at all particles",

@@ -25,7 +25,7 @@ from sphpod.surveys.answers import answer_all, of_settings
 from sphpod.surveys.parts import Operators, Values
 from sphpod.surveys.query import Answer, Survey
 from sphpod.surveys.questions import Question
-from sphpod.surveys.validation import fields_of, relative_error
+from sphpod.surveys.validation import relative_error
 
 logger = logging.getLogger(__name__)
 
@@ -230,12 +230,8 @@ def _train(name, settings, survey):
 
 def _reduced(task, name, settings, model):
     """The reduced model without bounds and estimates."""
-    count, rigid = int(model["mode_count"]), int(model["translation"])
-    few = {
-        "velocity_modes": model["velocity_modes"][:count],
-        "stress_modes": model["stress_modes"][: count - rigid],
-        "translation": model["translation"],
-    }
+    count = int(model["mode_count"])
+    few = {**model, "velocity_modes": model["velocity_modes"][:count]}
     survey = Survey(Operators(name, settings, few), count)
     none = np.zeros(survey.operators.nominal.error_times.size)
 
@@ -251,7 +247,7 @@ def _reduced(task, name, settings, model):
                 question.answer(found, values)
 
     def fields(n):
-        return fields_of(survey.operators, solved(task.points[n]), task.points[n])
+        return solved(task.points[n]).fields(survey.operators)
 
     return Contender("reduced", "exact", answer, task.error(fields), count)
 

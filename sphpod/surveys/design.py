@@ -284,7 +284,7 @@ def _in_full(name, settings, reduced, asked, point):
         full[word] = np.array([question.of_fields(scene, fields, norms**2 / 2)], float)
     try:
         answer = reduced.answer(values)
-        reduced_fields = validation.fields_of(reduced.operators, answer, values)
+        reduced_fields = answer.fields(reduced.operators)
         true_error = validation.relative_error(scene, fields, *reduced_fields)
     except ValueError:  # a query that fails has its reason beside it
         true_error = np.nan

@@ -26,8 +26,7 @@ class _Norms:
 
 def driven_bound(
     query: Any,
-    velocity: np.ndarray,
-    stress: np.ndarray,
+    rows: np.ndarray,
     damping: np.ndarray | float,
     beside: float,
     sizes: tuple[float, float],
@@ -38,15 +37,15 @@ def driven_bound(
     Parameters
     ----------
     query : Query
-    velocity, stress : arrays, shape (rows, coordinates + forces)
-        Residuals by own coordinates and force.
+    rows : array, shape (rows, coordinates + forces)
+        The residual by own coordinates and force.
     damping : float or array, shape (rows,)
-        Of the rows of velocity, as far as it is known there; else 0 [1/s].
+        Of the rows, as far as it is known there; else 0 [1/s].
     beside : float
         Energy norm of the initial velocity that the modes do not hold.
     sizes : pair of floats
         Energy norms of the initial velocity and of the force's profile.
-    change : array, shape (rows, coordinates), optional
+    change : array, shape (any, coordinates), optional
         Of the modes that the residual is of.
     """
     push, forces = query.push, len(query.courses)
@@ -55,9 +54,7 @@ def driven_bound(
     def mapped(rows):
         return Map.of(query, push, rows)
 
-    rows = np.concatenate([velocity, stress])
-    lasting = np.zeros(len(rows))
-    lasting[: len(velocity)] = damping
+    lasting = np.broadcast_to(damping, len(rows))
     damped = lasting * query.scene.duration >= 1
     taken = rest = changed = None
     if damped.any():

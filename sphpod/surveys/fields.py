@@ -59,21 +59,20 @@ class ParametricField:
         """Whether the parameters only scale it."""
         return self.profiles is not None and len(self.profiles) == 1
 
-    @cached_property
-    def _sign(self) -> float:
-        assert self.profiles is not None
-        return -1.0 if self.profiles[0, 0] < 0 else 1.0
+    def least(self, values: Mapping[str, float]) -> float:
+        """The least value of the particles; of several terms, if positive, one that is below it."""
+        if self.profiles is not None:
+            of_terms = self.factors(values) * self._ends
+            least = float(of_terms.min(axis=0).sum())
+            if self.is_one_term or least > 0:
+                return least
+        return float(self.at(values).min())
 
     @cached_property
-    def shape(self) -> np.ndarray:
-        """Of one term, its h with the sign that makes h positive where the field is of one sign."""
+    def _ends(self):
+        """Least and largest value of each term, (2, terms)."""
         assert self.profiles is not None
-        return self._sign * self.profiles[0]
-
-    def scale(self, values: Mapping[str, float]) -> float:
-        """Of one term, its g with that sign; not positive where the field is not."""
-        factor = self._sign * float(self.factors(values)[0])
-        return factor if self.shape.min() > 0 else -abs(factor)
+        return np.array([self.profiles.min(axis=1), self.profiles.max(axis=1)])
 
     @property
     def is_even(self) -> bool:

@@ -20,10 +20,8 @@ def check_folds(operators: Operators, answer: Answer, values: Values) -> None:
     pushed = sum(course.impulse(query.times)[-1] for course in query.courses)
     if answer.start_norm + answer.force_norm * pushed < 0.99 * operators.least_stiffness(values):
         return
-    modulus = operators.modulus.at(values)
-    weights = np.sqrt(operators.volumes * modulus)
-    inverse = query.stress_modes
-    stress = answer.coordinates[1] @ inverse @ operators.stress_modes[: len(inverse)]
-    least = (stress / modulus - answer.bound[:, None] / weights).min()
+    weights = np.sqrt(operators.volumes * operators.modulus.at(values))
+    _, strain = answer.fields(operators)
+    least = (strain - answer.bound[:, None] / weights).min()
     if not least > -1:
         raise ValueError(f"the line may fold: a strain may be {least:.3g}, and must be above -1")

@@ -93,9 +93,7 @@ def surfaces(
 def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Variable]:
     """What the names mean of the arrays of all these."""
     none = np.zeros((1, settings["particle_count"]))
-    of_scene = Operators(
-        name, settings, {"velocity_modes": none, "stress_modes": none, "translation": 0}
-    )
+    of_scene = Operators(name, settings, {"velocity_modes": none, "translation": 0})
     asked = questions(of_scene, survey.get("quantities", {}))
     return {
         **training.RUN_VARIABLES,

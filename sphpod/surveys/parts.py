@@ -1,18 +1,20 @@
 """What a reduced model in shared modes is made of, split by what depends on which parameter.
 
-With volumes V, modes v = Φᵀ a, σ = Ψᵀ b and the SPH derivative G, a query's model is
+With volumes V, modes v = Φᵀ a, displacement coordinates q and the SPH derivative G, a query's
+strain is e = G Φᵀ q exactly, and its model
 
-    M a' = -Lᵀ b - D a + F f(t),    S b' = L a,
-    M = Φ Vρ0 Φᵀ,  S = Ψ (V/c) Ψᵀ,  L = Ψ V G Φᵀ,  D = Φ Vρ0 d Φᵀ,  F = Φ Vρ0 p,
+    M a' = -K q - D a + F f(t),    q' = a,
+    M = Φ Vρ0 Φᵀ,  K = (GΦᵀ)ᵀ V c GΦᵀ,  D = Φ Vρ0 d Φᵀ,  F = Φ Vρ0 p,
 
-for a force p(x) f(t). L depends on no parameter. The residuals, scaled by their energies, are
+for a force p(x) f(t). The residual is of velocity alone, and orthogonal to the modes: what the
+scaled columns
 
-    √(Vρ0) (GΨᵀ b/ρ0 - d Φᵀ a + p f - Φᵀ a'),    √(V/c) (c GΦᵀ a - Ψᵀ b').
+    √(Vρ0) (G c GΦᵀ q/ρ0 - d Φᵀ a + p f)
 
-Where a parameter only scales ρ0, and d, p and v0 fall apart into terms, the columns of the first
-are those of one fixed matrix, whose QR factor is made once, as small as the model, without the loss
-of half the digits that a Gram matrix has; so are those of the second where a parameter only scales
-c. What does not fall apart is evaluated at the particles in the query.
+have beside √(Vρ0) Φᵀ. Where a parameter only scales ρ0, and c, d, p and v0 fall apart into terms,
+all these are sums of matrices that are made once; of the columns it is a QR factor, as small as the
+model, without the loss of half the digits that a Gram matrix has. What does not fall apart is
+evaluated at the particles in the query.
 """
 
 from collections.abc import Mapping
@@ -21,28 +23,55 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
+from scipy.linalg import solve_triangular
 
-from sphpod.scene.scene import Scene, derivative_matrix, parameter_values
-from sphpod.surveys.corrected import Line, bands, scaled
+from sphpod.scene.scene import Scene, derivative_matrix
+from sphpod.surveys.corrected import Line
 from sphpod.surveys.fields import ParametricField, at_half_cells, at_particles
 
 Values = Mapping[str, float]
 
+DEPENDENT = 1e-12
+"""Part of a mode that those before leave over, from which it is one of its own."""
+
 
 @dataclass(frozen=True)
-class VelocityPart:
-    """All that depends on density, damping, force and start, for ρ0 = g h.
+class Inertia:
+    """All that depends on density, damping, force and start, for some ρ0, in energy coordinates.
 
-    Each array is to be summed over its terms with their factors, and multiplied by g.
+    With the Cholesky factor M = C Cᵀ these are Cᵀ a and Cᵀ q. Damping, force and start are to be
+    summed over their terms.
 
     Attributes
     ----------
-    mass : array, shape (K, K)
-    damping : array, shape (terms, K, K)
-    load, start : arrays, shape (terms, K)
+    modes : array, shape (k, k)
+        C⁻¹: coordinates of energy to those in the shared modes, a = C⁻ᵀ â.
+    damping : array, shape (terms, k, k)
+    load, start : arrays, shape (terms, k)
     """
 
-    mass: np.ndarray
+    modes: np.ndarray
+    damping: np.ndarray
+    load: np.ndarray
+    start: np.ndarray
+
+
+@dataclass(frozen=True)
+class Residual:
+    """What the scaled columns of a model have beside its modes, as rows of a QR factor.
+
+    Of the model of the first n modes the first n rows are left out.
+
+    Attributes
+    ----------
+    pull : array, shape (terms, rows, k)
+        Of the displacement, by terms of the modulus.
+    damping : array, shape (terms, rows, k)
+        Of the velocity; of no terms where damping is the same everywhere.
+    load, start : arrays, shape (rows, terms)
+    """
+
+    pull: np.ndarray
     damping: np.ndarray
     load: np.ndarray
     start: np.ndarray
@@ -57,7 +86,7 @@ class Operators:
     settings : dict
         Resolved settings of the scene.
     shared : dict
-        As from `shared_modes.train`: of velocity and stress (modes, N), and translation.
+        As from `training.train`: velocity_modes (modes, N), and translation.
     """
 
     def __init__(self, name: str, settings: Mapping[str, Any], shared: Mapping[str, Any]) -> None:
@@ -66,16 +95,10 @@ class Operators:
         self.nominal = Scene.from_settings(name, self.settings)
         self.rigid = int(shared["translation"])
         self.velocity_modes = np.asarray(shared["velocity_modes"])
-        self.stress_modes = np.asarray(shared["stress_modes"])[
-            : len(self.velocity_modes) - self.rigid
-        ]
-        scene = self.nominal
-        self.volumes = scene.volumes
-        self.pull = np.ascontiguousarray(scene.derivative(self.stress_modes).T)
-        self.stretch = np.ascontiguousarray(scene.derivative(self.velocity_modes).T)
+        self.volumes = self.nominal.volumes
+        self.strain_modes = self.nominal.derivative(self.velocity_modes)
         # The derivative of the constant velocity is rounding.
-        self.stretch[:, : self.rigid] = 0
-        self.coupling = self.stress_modes @ (self.volumes[:, None] * self.stretch)
+        self.strain_modes[: self.rigid] = 0
         self.density = self._field("initial_density")
         self.modulus = self._field("youngs_modulus")
         self.start = self._field("initial_velocity")
@@ -98,11 +121,14 @@ class Operators:
         return ParametricField(str(text), self.parameters, constants, sample)
 
     @cached_property
-    def is_affine(self) -> tuple[bool, bool]:
-        """Whether nothing is evaluated at the particles in a query: of velocity and of stress."""
+    def is_affine(self) -> bool:
+        """Whether nothing is evaluated at the particles in a query."""
+        return self._inertia_is_affine and self.modulus.profiles is not None
+
+    @cached_property
+    def _inertia_is_affine(self):
         parts = [f for f in (self.damping, self.load, self.start) if f is not None]
-        velocity = self.density.is_one_term and all(f.profiles is not None for f in parts)
-        return velocity, self.modulus.is_one_term
+        return self.density.is_one_term and all(f.profiles is not None for f in parts)
 
     @cached_property
     def damping_is_even(self) -> bool:
@@ -110,147 +136,125 @@ class Operators:
         return self.damping is None or self.damping.is_even
 
     @cached_property
-    def gradient(self) -> np.ndarray:
-        """The SPH derivative G [1/m] in bands, (N, width)."""
-        return bands(derivative_matrix(self.nominal))
+    def gradient(self) -> Any:
+        """The SPH derivative G [1/m], a scipy.sparse array (N, N)."""
+        return derivative_matrix(self.nominal).tocsr()
 
-    @cached_property
-    def _damping_signs(self):
-        """Of each term of the damping, its sign if it has one everywhere, else NaN."""
-        assert self.damping is not None
-        assert self.damping.profiles is not None
-        profiles = self.damping.profiles
-        low, high = profiles.min(axis=1), profiles.max(axis=1)
-        return np.where(low >= 0, 1.0, np.where(high <= 0, -1.0, np.nan))
-
-    def _damping_stays(self, factors):
-        """Whether no term of the damping is negative anywhere, whatever the particles are."""
-        return bool(np.all((factors * self._damping_signs >= 0) | (factors == 0)))
-
-    @cached_property
-    def _velocity(self) -> VelocityPart:
-        return self._velocity_of(self.density.shape, *self._profiles)
-
-    @property
-    def _profiles(self):
-        fields = self.damping, self.load, self.start
-        return [self._none if f is None else f.profiles for f in fields]
-
-    @cached_property
-    def _compliance(self) -> np.ndarray:
-        return self._compliance_of(self.modulus.shape)
-
-    @cached_property
-    def velocity_factor(self) -> np.ndarray:
-        """QR factor of √(Vh) [GΨᵀ/h, d_j Φᵀ, p_j, v0_j, Φᵀ] for ρ0 = g h."""
-        damping, load, start = self._profiles
-        density, modes = self.density.shape, self.velocity_modes.T
-        columns = [self.pull / density[:, None], *(d[:, None] * modes for d in damping)]
-        columns += [load.T, start.T, modes]
-        root = np.sqrt(self.volumes * density)[:, None]
-        return np.asarray(np.linalg.qr(root * np.concatenate(columns, axis=1), mode="r"))
-
-    @cached_property
-    def stress_factor(self) -> np.ndarray:
-        """QR factor of [√(Vh) GΦᵀ, √(V/h) Ψᵀ] for c = g h."""
-        modulus = self.modulus.shape
-        stiff, soft = (
-            np.sqrt(part)[:, None] for part in (self.volumes * modulus, self.volumes / modulus)
-        )
-        columns = [stiff * self.stretch, soft * self.stress_modes.T]
-        return np.asarray(np.linalg.qr(np.concatenate(columns, axis=1), mode="r"))
-
-    @property
-    def _none(self):
-        return np.zeros((0, self.volumes.size))
-
-    def velocity_part(self, values: Values) -> tuple[VelocityPart, float, list[np.ndarray]]:
-        """The part, g, and the factors of damping, force and start.
+    def inertia(self, values: Values) -> tuple[Inertia, float, list[np.ndarray]]:
+        """All that density is in, of the shape h of ρ0 = g h; g; factors of damping, force, start.
 
         Raises
         ------
         ValueError
-            The density is not positive, or the damping negative, at a particle.
+            The density is not positive, or the damping negative, at a particle; or the modes are
+            linearly dependent.
         """
         fields = self.damping, self.load, self.start
-        if self.is_affine[0]:
+        _check("initial_density", self.density, values)
+        if self.damping is not None:
+            _check("damping", self.damping, values)
+        if self._inertia_is_affine:
             factors = [np.zeros(0) if f is None else f.factors(values) for f in fields]
-            scale = _positive("initial_density", self.density.scale(values))
-            if self.damping is not None and not self._damping_stays(factors[0]):
-                _not_negative("damping", factors[0] @ self.damping.profiles)
-            return self._velocity, scale, factors
-        density = self.density.at(values)
-        _positive("initial_density", density)
+            return self._inertia, abs(float(self.density.factors(values)[0])), factors
         rows = [self._none if f is None else f.at(values)[None] for f in fields]
-        _not_negative("damping", rows[0])
-        return self._velocity_of(density, *rows), 1.0, [np.ones(len(r)) for r in rows]
+        return self._inertia_of(self.density.at(values), *rows), 1.0, [np.ones(len(r)) for r in rows]
 
-    def compliance(self, values: Values) -> tuple[np.ndarray, float]:
-        """g S for c = g h, shape (K', K'), and g.
+    def stiffness(self, values: Values, modes: np.ndarray) -> np.ndarray:
+        """K in the coordinates of energy that `Inertia.modes` are given of, (k, k).
 
         Raises
         ------
         ValueError
             The modulus is not positive at a particle.
         """
-        if self.is_affine[1]:
-            return self._compliance, _positive("youngs_modulus", self.modulus.scale(values))
-        modulus = self.modulus.at(values)
-        _positive("youngs_modulus", modulus)
-        return self._compliance_of(modulus), 1.0
+        _check("youngs_modulus", self.modulus, values)
+        if self.is_affine:
+            return np.tensordot(self.modulus.factors(values), self._stiffnesses, 1)
+        return modes @ self._stiffness_of(self.modulus.at(values)) @ modes.T
 
-    def _velocity_of(self, density, damping, load, start):
-        modes = self.velocity_modes
-        weighted = modes * (self.volumes * density)
-        return VelocityPart(
-            weighted @ modes.T,
-            np.array([(weighted * d) @ modes.T for d in damping]).reshape(
-                len(damping), *[len(modes)] * 2
-            ),
-            load @ weighted.T,
-            start @ weighted.T,
-        )
+    @cached_property
+    def residual(self) -> Residual:
+        """Of ρ0 = h, where all coefficients fall apart, in the coordinates of `inertia`."""
+        modulus, (damping, load, start) = self.modulus.profiles, self._profiles
+        assert modulus is not None
+        density, into = self._shape, self._inertia.modes
+        modes, strains = into @ self.velocity_modes, into @ self.strain_modes
+        pulls = [self.nominal.derivative(c * strains) / density for c in modulus]
+        # Even damping of the modes leaves nothing beside them.
+        damping = damping[:0] if self.damping_is_even else damping
+        parts = [modes, *pulls, *(d * modes for d in damping), load, start]
+        columns = np.sqrt(self.volumes * density) * np.concatenate(parts)
+        factor = np.linalg.qr(columns.T, mode="r")
+        ends = np.cumsum([len(part) for part in parts])[:-1]
+        _, *each, loads, starts = np.split(factor, ends, axis=1)
+        by_term = np.reshape(each, (len(each), len(factor), len(modes)))
+        return Residual(by_term[: len(pulls)], by_term[len(pulls) :], loads, starts)
 
-    def _compliance_of(self, modulus):
-        return (self.stress_modes * (self.volumes / modulus)) @ self.stress_modes.T
+    @cached_property
+    def _shape(self):
+        """h of a density ρ0 = g h."""
+        assert self.density.profiles is not None
+        return np.abs(self.density.profiles[0])
+
+    @cached_property
+    def _inertia(self):
+        return self._inertia_of(self._shape, *self._profiles)
+
+    @cached_property
+    def _stiffnesses(self):
+        assert self.modulus.profiles is not None
+        modes = self._inertia.modes
+        return np.array([modes @ self._stiffness_of(c) @ modes.T for c in self.modulus.profiles])
+
+    @property
+    def _profiles(self):
+        fields = self.damping, self.load, self.start
+        return [self._none if f is None else f.profiles for f in fields]
+
+    @property
+    def _none(self):
+        return np.zeros((0, self.volumes.size))
+
+    def _inertia_of(self, density, damping, load, start):
+        weights = self.volumes * density
+        into = _inverse_cholesky((self.velocity_modes * weights) @ self.velocity_modes.T)
+        modes = into @ self.velocity_modes
+        weighted = modes * weights
+        damped = [(weighted * d) @ modes.T for d in damping]
+        shape = len(damping), len(modes), len(modes)
+        return Inertia(into, np.reshape(damped, shape), load @ weighted.T, start @ weighted.T)
+
+    def _stiffness_of(self, modulus):
+        return (self.strain_modes * (self.volumes * modulus)) @ self.strain_modes.T
 
     def line(self, values: Values, strength: float) -> Line:
         """The lifted full model, of a force of some strength; of the size of the particles."""
         density, modulus, start = (f.at(values) for f in (self.density, self.modulus, self.start))
         damping = 0.0 if self.damping is None else self.damping.at(values)
         force = (self._none if self.load is None else strength * self.load.at(values)[None]).T
-        mass, softness = np.sqrt(self.volumes * density), np.sqrt(self.volumes / modulus)
-        pull = scaled(self.gradient, mass / density, 1 / softness)
-        return Line(pull, mass, softness, damping, mass * start, mass[:, None] * force)
+        mass, stiffness = np.sqrt(self.volumes * density), np.sqrt(self.volumes * modulus)
+        stretch = (self.gradient * stiffness[:, None] / mass).tocsr()
+        return Line(stretch, mass, damping, mass * start, mass[:, None] * force)
 
     def least_stiffness(self, values: Values) -> float:
-        """The smallest √(V c) of a particle."""
-        if self.is_affine[1]:
-            return float(np.sqrt(self.modulus.scale(values) * self._softest))
-        return float(np.sqrt((self.volumes * self.modulus.at(values)).min()))
-
-    @cached_property
-    def _softest(self):
-        return (self.volumes * self.modulus.shape).min()
-
-    def point(self, values: Values) -> dict[str, float]:
-        """All parameters, of which those that are not given have their nominal values."""
-        for name in values:
-            if name not in self.parameters:
-                allowed = ", ".join(self.parameters)
-                raise ValueError(
-                    f"{name} = {values[name]}: no such parameter; allowed are {allowed}"
-                )
-        return parameter_values(self.settings) | {k: float(v) for k, v in values.items()}
+        """What √(V c) of no particle is below."""
+        return float(np.sqrt(self.volumes.min() * self.modulus.least(values)))
 
 
-def _not_negative(key, field):
-    if not np.min(field, initial=0) >= 0:
-        raise ValueError(f"{key}: it is {np.min(field):g} somewhere and must not be negative")
-
-
-def _positive(key, field):
-    if not np.min(field) > 0:
-        least = np.min(field)
+def _check(key, field, values):
+    least = field.least(values)
+    if key == "damping":
+        if not least >= 0:
+            raise ValueError(f"{key}: it is {least:g} somewhere and must not be negative")
+    elif not least > 0:
         raise ValueError(f"{key}: it is {least:g} somewhere and must be positive everywhere")
-    return field
+
+
+def _inverse_cholesky(matrix):
+    try:
+        lower = np.linalg.cholesky(matrix)
+    except np.linalg.LinAlgError:
+        raise ValueError("the shared modes are linearly dependent") from None
+    if np.any(np.diag(lower) <= DEPENDENT * np.sqrt(np.diag(matrix))):
+        raise ValueError("the shared modes are linearly dependent")
+    return solve_triangular(lower, np.eye(len(lower)), lower=True, check_finite=False)

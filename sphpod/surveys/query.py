@@ -1,11 +1,13 @@
 """One query of a survey: its reduced model, solved exactly in time, and the bound of its error.
 
-The coordinates are those of energy: with Cholesky factors M = C Cᵀ and S = E Eᵀ they are Cᵀ a and
-Eᵀ b, in which the model is the lifted one of `sphpod.reduced.lifted_rom`: ½ of their squared length
-is the energy, which damping and force alone change, whatever the modes and the parameters are.
-Leading modes have leading coordinates, so a model of fewer modes is a part of one of more, and the
-difference of the two is that of their coordinates. The bound is that of the residual
-(`sphpod.reduced.error_bound`), of factors as small as the model.
+The coordinates are those of energy: with M = C Cᵀ they are Cᵀ a and Cᵀ q, in which the model is
+
+    a' = -K q - D a + F f(t),    q' = a,
+
+and ½ (|a|² + qᵀ K q) the energy, which damping and force alone change, whatever the modes and the
+parameters are. Leading modes have leading coordinates, so a model of fewer modes is a part of one
+of more, and the difference of the two is that of their coordinates. The bound is that of the
+residual (`sphpod.reduced.error_bound`), of factors as small as the model.
 """
 
 from collections.abc import Mapping
@@ -14,12 +16,11 @@ from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
-from scipy.linalg import solve_triangular
 
 from sphpod.numerics import propagator
 from sphpod.numerics.course import Course
 from sphpod.numerics.expressions import Expression
-from sphpod.reduced.lifted_rom import OwnModes, eigenmodes, normal_modes
+from sphpod.reduced.lifted_rom import OwnModes, eigenmodes, oscillators
 from sphpod.scene.scene import Scene
 from sphpod.surveys.corrected import SHIFTS, corrected_bound
 from sphpod.surveys.driven import driven_bound
@@ -27,13 +28,19 @@ from sphpod.surveys.oscillating import oscillating_bound
 from sphpod.surveys.parts import Operators, Values
 from sphpod.surveys.terms import separate
 
-DEPENDENT = 1e-12
-"""Part of a mode that those before leave over, from which it is one of its own."""
+SLOWEST = 1e-8
+"""Part of the largest frequency that every other one has at least.
+
+What is below is rounding, as of a mode that strains nothing: its displacement grows as it should.
+"""
 
 
 @dataclass(frozen=True)
 class Query:
     """A reduced model at some values of the parameters, in coordinates of energy.
+
+    A field at a particle is its coordinates times ``velocity_modes`` times the column of the shared
+    modes there: those of velocity, or their strains of the displacement.
 
     Attributes
     ----------
@@ -41,17 +48,19 @@ class Query:
         At nominal values: of it only times and particles are used.
     times : array, shape (times,)
         Those of the outputs [s].
-    velocity_modes, stress_modes : arrays, shapes (kv, kv) and (ke, ke)
-        C⁻¹ and E⁻¹: coordinates of energy to those in the shared modes, a = C⁻ᵀ â.
-    coupling, damping : arrays, shapes (kv, ke) and (kv, kv)
-        B and D of `lifted_rom`.
-    force : array, shape (kv, forces)
+    velocity_modes : array, shape (k, k)
+        C⁻¹: coordinates of energy to those in the shared modes, a = C⁻ᵀ â and q = C⁻ᵀ q̂.
+    stiffness, damping : arrays, shape (k, k)
+        K [1/s²] and D [1/s].
+    force : array, shape (k, forces)
         Of the force's profile, if there is one.
-    start : array, shape (kv,)
+    start : array, shape (k,)
         Of the initial velocity.
     uniform : float or None
         Damping [1/s] if it is the same everywhere.
     translation : int
+        1 if the first mode is the constant velocity, whose displacement strains nothing and is left
+        out; else 0.
     courses : tuple of Courses
         f of the force.
     """
@@ -59,8 +68,7 @@ class Query:
     scene: Scene
     times: np.ndarray
     velocity_modes: np.ndarray
-    stress_modes: np.ndarray
-    coupling: np.ndarray
+    stiffness: np.ndarray
     damping: np.ndarray
     force: np.ndarray
     start: np.ndarray
@@ -69,25 +77,40 @@ class Query:
     courses: tuple[Course, ...]
 
     @cached_property
+    def waves(self) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies ω [1/s] and shapes U, one a column, of K U = U ω² without translation."""
+        waves = slice(self.translation, None)
+        squares, shapes = np.linalg.eigh(self.stiffness[waves, waves])
+        least = SLOWEST**2 * squares.max(initial=1e-100)
+        return np.sqrt(np.maximum(squares, least)), shapes
+
+    @cached_property
     def own(self) -> OwnModes:
-        """The model in the modes of its operator."""
+        """The model in the modes of its operator, of velocity and b = -ω Uᵀ q."""
+        frequencies, shapes = self.waves
+        count, rigid = frequencies.size, self.translation
         if self.uniform is not None:
-            return normal_modes(self.coupling, self.translation, self.uniform)
-        none = np.zeros((len(self.stress_modes),) * 2)
-        return eigenmodes(np.block([[-self.damping, self.coupling], [-self.coupling.T, none]]))
+            return oscillators(shapes, frequencies, np.eye(count), rigid, self.uniform)
+        turned = np.pad(shapes * frequencies, ((rigid, 0), (0, 0)))
+        none = np.zeros((count, count))
+        return eigenmodes(np.block([[-self.damping, turned], [-turned.T, none]]))
+
+    @cached_property
+    def fields(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and displacement by own coordinates, (k, coordinates) each."""
+        (frequencies, shapes), kv = self.waves, len(self.start)
+        strained = (-shapes / frequencies) @ self.own.to_modes[kv:]
+        return self.own.to_modes[:kv], np.pad(strained, ((self.translation, 0), (0, 0)))
 
     def leading(self, count: int) -> "Query":
-        """The model of the first velocity modes, and a stress mode for each wave."""
-        kv = min(count, len(self.velocity_modes))
-        ke = min(kv - self.translation, len(self.stress_modes))
+        """The model of the first modes."""
         return replace(
             self,
-            velocity_modes=self.velocity_modes[:kv, :kv],
-            stress_modes=self.stress_modes[:ke, :ke],
-            coupling=self.coupling[:kv, :ke],
-            damping=self.damping[:kv, :kv],
-            force=self.force[:kv],
-            start=self.start[:kv],
+            velocity_modes=self.velocity_modes[:count, :count],
+            stiffness=self.stiffness[:count, :count],
+            damping=self.damping[:count, :count],
+            force=self.force[:count],
+            start=self.start[:count],
         )
 
     @cached_property
@@ -117,10 +140,15 @@ class Query:
         return state
 
     def coordinates(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates of energy of velocity and stress, (times, kv) and (times, ke)."""
-        kv = len(self.velocity_modes)
-        both = state.T @ self.own.to_modes.T
-        return both[:, :kv], both[:, kv:]
+        """Coordinates of energy of velocity and displacement, (times, k) each."""
+        velocity, displacement = self.fields
+        return state.T @ velocity.T, state.T @ displacement.T
+
+    def norms(self, velocity: np.ndarray, displacement: np.ndarray) -> np.ndarray:
+        """Energy norms of coordinates (times, k) each, (times,)."""
+        squares = np.einsum("tk,tk->t", velocity, velocity)
+        squares += np.einsum("tk,tk->t", displacement @ self.stiffness, displacement)
+        return np.sqrt(squares)
 
 
 class Survey:
@@ -177,39 +205,29 @@ class Survey:
             Density or modulus is not positive somewhere, or the modes are linearly dependent.
         """
         operators = self.operators
-        velocity, scale, (damped, loaded, started) = operators.velocity_part(values)
+        inertia, scale, (damped, loaded, started) = operators.inertia(values)
         courses, strength = self.courses(values)
-        loaded = strength * loaded
-        compliance, stiff = operators.compliance(values)
-        lower = _cholesky(scale * velocity.mass)
-        soft = _cholesky(compliance / stiff)
-
-        def within(matrix):
-            return solve_triangular(lower, matrix, lower=True, check_finite=False)
-
-        damping = scale * np.tensordot(damped, velocity.damping, 1)
-        coupling = -within(solve_triangular(soft, operators.coupling, lower=True).T)
+        loaded, root = strength * loaded, np.sqrt(scale)
         uniform = None
         if operators.damping_is_even:
             field = operators.damping
             uniform = 0.0 if field is None else float(field.factors(values) @ field.profiles[:, 0])
-        force = within(scale * loaded @ velocity.load)[:, None][:, : len(courses)]
+        force = root * (loaded @ inertia.load)[:, None][:, : len(courses)]
         # A uniform force moves the translation alone; on the rest it is rounding.
         force = np.where(np.abs(force) > 1e-13 * np.linalg.norm(force), force, 0)
         query = Query(
             operators.nominal,
             self._times,
-            within(np.eye(len(lower))),
-            solve_triangular(soft, np.eye(len(soft)), lower=True),
-            coupling,
-            within(within(damping).T),
+            inertia.modes / root,
+            operators.stiffness(values, inertia.modes) / scale,
+            np.tensordot(damped, inertia.damping, 1),
             force,
-            within(scale * started @ velocity.start),
+            root * started @ inertia.start,
             uniform,
             operators.rigid,
             courses,
         )
-        return query, (scale, stiff, damped, loaded, started, strength)
+        return query, (scale, damped, loaded, started, strength)
 
     def answer(self, values: Values) -> "Answer":
         """Solve a query and bound its error, at the times of the outputs.
@@ -225,9 +243,12 @@ class Survey:
         # A model that is compared with itself is told nothing of its error.
         difference = np.full(self._times.size, np.nan)
         if len(whole.start) > len(query.start):
-            difference = _difference(coordinates, whole.coordinates(whole.solve()))
+            every, count = whole.coordinates(whole.solve()), len(query.start)
+            for some, more in zip(coordinates, every, strict=True):
+                more[:, :count] -= some
+            difference = whole.norms(*every)
         sharper: list[Any] = [partial(self._corrected, shift=shift) for shift in SHIFTS]
-        bounds = [self._bound, *sharper] if all(self.operators.is_affine) else sharper
+        bounds = [self._bound, *sharper] if self.operators.is_affine else sharper
 
         def least(found, model, known):
             """The smallest of all bounds, each dearer than the one before, until one suffices."""
@@ -245,7 +266,7 @@ class Survey:
             answer = least(answer, whole, difference)
         return answer
 
-    def _bound(self, query, factors, _):
+    def _bound(self, query, factors, values):
         """Bound of the error at the outputs, of arrays of the size of the model.
 
         Returns
@@ -254,49 +275,31 @@ class Survey:
         start_norm, force_norm : floats
             Energy norms of the initial velocity and of the force's profile.
         """
-        scale, stiff, damped, loaded, started, _ = factors
-        operators, own, push = self.operators, query.own, query.push
-        kv, ke = len(query.velocity_modes), len(query.stress_modes)
-        most, counts = len(operators.velocity_modes), (len(loaded), len(started))
-        a = query.velocity_modes.T @ own.to_modes[:kv]
-        b = query.stress_modes.T @ own.to_modes[kv:]
-        ends = np.cumsum([len(operators.stress_modes), *[most] * len(damped), *counts])
-        pull, *damping, load, start, modes = np.split(operators.velocity_factor, ends, axis=1)
-        modes = modes[:, :kv]
-        columns = pull[:, :ke] @ b / scale - modes @ (a @ own.operator)
-        for factor, each in zip(damped, damping, strict=True):
-            columns = columns - factor * each[:, :kv] @ a
-        left = (load @ loaded)[:, None][:, : push.shape[1]] - modes @ (a @ push)
-        velocity = np.sqrt(scale) * np.concatenate([columns, left], axis=1)
-        stretch, soft = np.split(operators.stress_factor, [most], axis=1)
-        rate = b @ np.concatenate([own.operator, push], axis=1)
-        stress = -soft[:, :ke] @ rate / np.sqrt(stiff)
-        stress[:, : len(own.operator)] += np.sqrt(stiff) * stretch[:, :kv] @ a
-        begun = start @ started
+        scale, damped, loaded, started, _ = factors
+        residual, kv, root = self.operators.residual, len(query.start), np.sqrt(scale)
+        velocity, displacement = query.fields
+        pull = np.tensordot(self.operators.modulus.factors(values), residual.pull[:, kv:, :kv], 1)
+        columns = pull @ displacement / scale
+        if query.uniform is None:
+            columns -= np.tensordot(damped, residual.damping[:, kv:, :kv], 1) @ velocity
+        begun, push = root * residual.start @ started, root * residual.load @ loaded
         beside, size, pushed = (
-            float(np.sqrt(scale) * np.linalg.norm(each))
-            for each in (begun - modes @ (a @ query.own_start), begun, load @ loaded)
+            float(np.linalg.norm(each)) for each in (begun[kv:], begun, push)
         )
         if query.uniform is not None and not query.courses:
-            return oscillating_bound(query, velocity, stress, beside, size), size, pushed
-        decay = query.uniform or 0.0
-        bound = driven_bound(query, velocity, stress, decay, beside, (size, pushed))
+            bound = oscillating_bound(query, columns, beside, size)
+        else:
+            left = push[kv:, None][:, : len(query.courses)]
+            rows = np.concatenate([columns, left], axis=1)
+            bound = driven_bound(query, rows, query.uniform or 0.0, beside, (size, pushed))
         return bound, size, pushed
 
     def _corrected(self, query, factors, values, shift):
         """The same of corrected modes, of arrays of the size of the particles."""
-        operators, own = self.operators, query.own
-        kv, ke = len(query.velocity_modes), len(query.stress_modes)
+        operators, kv = self.operators, len(query.start)
         line = operators.line(values, factors[-1])
-        velocity = operators.velocity_modes[:kv].T @ (query.velocity_modes.T @ own.to_modes[:kv])
-        stress = operators.stress_modes[:ke].T @ (query.stress_modes.T @ own.to_modes[kv:])
-        bound = corrected_bound(
-            query,
-            line,
-            line.mass[:, None] * velocity,
-            line.softness[:, None] * stress,
-            shift,
-        )
+        modes = line.mass[:, None] * (query.velocity_modes @ operators.velocity_modes[:kv]).T
+        bound = corrected_bound(query, line, *(modes @ each for each in query.fields), shift)
         return bound, float(np.linalg.norm(line.start)), float(np.linalg.norm(line.force))
 
 
@@ -307,8 +310,8 @@ class Answer:
     Attributes
     ----------
     query : Query
-    coordinates : (times, kv) and (times, ke)
-        In coordinates of energy.
+    coordinates : (times, k) and (times, k)
+        Coordinates of energy of velocity and displacement.
     bound : array, shape (times,)
         Of the energy norm of the difference to the lifted full model at the same parameters.
     difference : array, shape (times,)
@@ -330,8 +333,18 @@ class Answer:
     @cached_property
     def norms(self) -> np.ndarray:
         """Energy norm of the solution, (times,)."""
-        velocity, stress = self.coordinates
-        return np.sqrt(np.sum(velocity**2, axis=1) + np.sum(stress**2, axis=1))
+        return self.query.norms(*self.coordinates)
+
+    def fields(self, operators: Operators) -> tuple[np.ndarray, np.ndarray]:
+        """Velocity and strain at all particles, (times, N) each."""
+        inverse = self.query.velocity_modes
+        velocity, strain = (
+            coordinates @ inverse @ modes[: len(inverse)]
+            for coordinates, modes in zip(
+                self.coordinates, (operators.velocity_modes, operators.strain_modes), strict=True
+            )
+        )
+        return velocity, strain
 
     @property
     def largest_norm(self) -> float:
@@ -355,21 +368,3 @@ class Answer:
         largest = max(self.start_norm, float(self.norms.max()))
         return float(self.difference.max() / largest) if largest > 0 else 0.0
 
-
-def _cholesky(matrix):
-    try:
-        lower = np.linalg.cholesky(matrix)
-    except np.linalg.LinAlgError:
-        raise ValueError("the shared modes are linearly dependent") from None
-    if np.any(np.diag(lower) <= DEPENDENT * np.sqrt(np.diag(matrix))):
-        raise ValueError("the shared modes are linearly dependent")
-    return lower
-
-
-def _difference(some, more):
-    squares = 0.0
-    for few, all_ in zip(some, more, strict=True):
-        rest = all_.copy()
-        rest[:, : few.shape[1]] -= few
-        squares = squares + np.sum(rest**2, axis=1)
-    return np.sqrt(squares)

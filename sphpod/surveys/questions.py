@@ -100,17 +100,16 @@ class Question:
         operators, at, weights = self.operators, self.particles, self.weights
         volumes, query = operators.volumes[at], answer.query
         if self.asked["field"] == "velocity":
-            density = operators.density.some(values, at)
-            modes = operators.velocity_modes[: len(query.velocity_modes), at]
-            coordinates = answer.coordinates[0] @ query.velocity_modes
-            shapes, squares = modes * weights, weights**2 / (density * volumes)
+            coordinates, modes = answer.coordinates[0], operators.velocity_modes
+            shares, squares = weights, weights**2 / (operators.density.some(values, at) * volumes)
         else:
+            coordinates, modes = answer.coordinates[1], operators.strain_modes
             modulus = operators.modulus.some(values, at)
-            modes = operators.stress_modes[: len(query.stress_modes), at]
-            coordinates = answer.coordinates[1] @ query.stress_modes
-            each = weights if self.asked["field"] == "stress" else weights / modulus
-            shapes, squares = modes * each, each**2 * modulus / volumes
-        return coordinates @ self._summed(shapes), np.sqrt(self._summed(squares))
+            shares = weights if self.asked["field"] == "strain" else weights * modulus
+            squares = shares**2 / (modulus * volumes)
+        shapes = self._summed(modes[: len(query.start), at] * shares)
+        field = np.linalg.multi_dot([coordinates, query.velocity_modes, shapes])
+        return field, np.sqrt(self._summed(squares))
 
     def _summed(self, parts):
         """Sums over the particles of each sensor, of what the last axis is along them."""

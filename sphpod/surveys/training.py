@@ -8,10 +8,10 @@ import numpy as np
 
 from sphpod.full import lifted
 from sphpod.pipeline.dataset import Variable
-from sphpod.reduced import shared_modes
 from sphpod.scene.breakdown import Breakdown
 from sphpod.surveys import samples
 from sphpod.surveys.folds import check_folds
+from sphpod.surveys.modes import shared_modes
 from sphpod.surveys.parts import Operators
 from sphpod.surveys.query import Survey
 
@@ -33,9 +33,8 @@ RUN_VARIABLES = {
 
 MODEL_VARIABLES = {
     "velocity_modes": Variable(
-        ("velocity_mode", "x"), "1", "velocity modes, orthonormal by volume"
+        ("velocity_mode", "x"), "1", "modes of velocity and displacement, orthonormal by volume"
     ),
-    "stress_modes": Variable(("stress_mode", "x"), "1", "stress modes, orthonormal by volume"),
     "mode_count": Variable((), "1", "velocity modes of the queries", np.int32),
     "training_points": Variable(
         ("run", "parameter"), "", "values of the parameters of the training runs, in SI units"
@@ -89,12 +88,11 @@ def train(
     Returns
     -------
     dict
-        velocity_modes, stress_modes (modes, N), translation, mode_count, training_points.
+        velocity_modes (modes, N), translation, mode_count, training_points.
     """
     scenes = [samples.scene_at(name, settings, _values(settings, run["point"])) for run in runs]
-    shared = shared_modes.train(zip(scenes, runs, strict=True))
-    rigid = int(shared["translation"])
-    most = min(len(shared["velocity_modes"]), len(shared["stress_modes"]) + rigid)
+    shared = shared_modes(zip(scenes, runs, strict=True))
+    most = len(shared["velocity_modes"])
     points = np.array([run["point"] for run in runs])
     if "mode_count" in survey:
         count = min(int(survey["mode_count"]), most)
@@ -147,12 +145,7 @@ def _bound_at(reduced, values):
 
 
 def _first(shared, count):
-    rigid = int(shared["translation"])
-    return {
-        "velocity_modes": shared["velocity_modes"][:count],
-        "stress_modes": shared["stress_modes"][: count - rigid],
-        "translation": shared["translation"],
-    }
+    return {**shared, "velocity_modes": shared["velocity_modes"][:count]}
 
 
 def _fewest(name, settings, tolerance, shared, points):

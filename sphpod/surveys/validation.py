@@ -13,8 +13,7 @@ from sphpod.scene.scene import Scene
 from sphpod.surveys import samples
 from sphpod.surveys.answers import of_settings
 from sphpod.surveys.folds import check_folds
-from sphpod.surveys.parts import Operators, Values
-from sphpod.surveys.query import Answer
+from sphpod.surveys.parts import Values
 
 logger = logging.getLogger(__name__)
 
@@ -82,7 +81,7 @@ def _row(name, settings, reduced, asked, point):
     answer = reduced.answer(values)
     check_folds(reduced.operators, answer, values)
     scene, full, norms = in_full(name, settings, values)
-    true = relative_error(scene, full, *fields_of(reduced.operators, answer, values))
+    true = relative_error(scene, full, *answer.fields(reduced.operators))
     held = all(
         _holds(question, question.answer(answer, values), scene, full, norms)
         for question in asked.values()
@@ -111,19 +110,6 @@ def relative_error(
     largest = _norms(scene, full["velocity"], full["strain"]).max()
     wrong = _norms(scene, full["velocity"] - velocity, full["strain"] - strain)
     return float(wrong.max() / largest) if largest else 0.0
-
-
-def fields_of(
-    operators: Operators, answer: Answer, values: Values
-) -> tuple[np.ndarray, np.ndarray]:
-    """Velocity and strain of an answer at all particles, (times, N) each."""
-    query = answer.query
-    pairs = (
-        (answer.coordinates[0], query.velocity_modes, operators.velocity_modes),
-        (answer.coordinates[1], query.stress_modes, operators.stress_modes),
-    )
-    velocity, stress = (given @ inverse @ modes[: len(inverse)] for given, inverse, modes in pairs)
-    return velocity, stress / operators.modulus.at(values)
 
 
 def _norms(scene, velocity, strain):

@@ -52,7 +52,7 @@ def test_neighbours_may_be_as_many_as_there_are() -> None:
 def test_the_bound_holds_whatever_the_shift_is(case, shift, monkeypatch) -> None:
     monkeypatch.setattr("sphpod.surveys.query.SHIFTS", (shift,))
     resolved, survey = made(case)
-    survey.operators.__dict__["is_affine"] = (False, False)
+    survey.operators.__dict__["is_affine"] = False
     for point in samples.points(resolved["parameters"], {"count": 4, "sampling": "uniform"}):
         values = point_of(resolved, point)
         answer = survey.answer(values)

@@ -1,0 +1,66 @@
+"""Modes that all queries of a survey share: of displacement, and so of its rate, the velocity.
+
+They are the proper modes of the strains of all training runs, each as the displacement u that has
+that strain e = G u: those are best for the strain, and as good as any for the velocity.
+"""
+
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from sphpod.reduced.pod import modes as proper_modes
+from sphpod.scene.scene import Scene, derivative_matrix
+
+Arrays = Mapping[str, np.ndarray]
+
+STILL = 1e-3
+"""Strain of a wave, of that of the slowest one, below which it is none."""
+
+DEPENDENT = 1e-8
+"""Part of a mode that those before leave over, from which it is one of its own."""
+
+
+def shared_modes(solved: Iterable[tuple[Scene, Arrays]]) -> dict[str, np.ndarray]:
+    """Modes of the solutions of scenes together, whatever their material is.
+
+    Parameters
+    ----------
+    solved : pairs of a Scene and a dict
+        Scenes of the same particles, with velocity (times, N) [m/s] and strain (times, N) of each.
+
+    Returns
+    -------
+    dict
+        velocity_modes (modes, N), orthonormal if summed with the particles' volumes; translation, 1
+        if the first one is the constant velocity and strains nothing. It is the first one if any of
+        the scenes has momentum, a force or an uneven damping, or if particles are uneven, whose
+        momentum moves waves; else there is none.
+    """
+    solved = list(solved)
+    scenes = [scene for scene, _ in solved]
+    strain = np.concatenate([fields["strain"] for _, fields in solved])
+    translates, volumes = any(scene.translates for scene in scenes), scenes[0].volumes
+    # Of a motion that is a translation alone, waves are rounding.
+    slowness = max(np.sqrt((scene.density0() / scene.modulus()).max()) for scene in scenes)
+    speed = np.sqrt(sum(np.linalg.norm(fields["velocity"]) ** 2 for _, fields in solved))
+    found = proper_modes(strain, None)
+    zero = max(strain.shape) * np.finfo(float).eps * max(np.linalg.norm(strain), speed * slowness)
+    waves = found.modes[: np.count_nonzero(found.singular_values > zero)]
+    constant = np.ones((int(translates or not scenes[0].is_even), volumes.size))
+    rows = np.concatenate([constant, _displacements(scenes[0], waves)]) * np.sqrt(volumes)
+    columns, left = np.linalg.qr(rows.T)
+    shares = np.diag(left)
+    dependent = np.abs(shares) <= DEPENDENT * np.linalg.norm(rows, axis=1)
+    rank = int(np.argmax(dependent)) if dependent.any() else len(rows)
+    modes = (columns * np.sign(shares)).T[:rank] / np.sqrt(volumes)
+    return {"velocity_modes": modes, "translation": np.array(int(translates))}
+
+
+def _displacements(scene, strains):
+    """Displacements with strains (modes, N), without what strains next to nothing."""
+    from scipy.sparse import eye_array
+    from scipy.sparse.linalg import splu
+
+    gradient = derivative_matrix(scene).tocsc()
+    least = (STILL * 2 * np.pi / scene.domain_length) ** 2 * eye_array(scene.particle_count)
+    return splu((gradient.T @ gradient + least).tocsc()).solve(gradient.T @ strains.T).T
