@@ -50,7 +50,7 @@ TAKEN = (
 )
 """Names in the results of a survey."""
 
-TAKEN_FROM_PARAMETERS = (*TAKEN, "velocity", "strain", "point", "extrapolate")
+TAKEN_FROM_PARAMETERS = (*TAKEN, "velocity", "strain", "point", "extrapolate", "bounds")
 """Names that no parameter of a survey has: those, of its training runs, and of calls to it."""
 
 ENDS = "_low", "_high", "_full"

@@ -2,7 +2,8 @@
 
 All answer the same queries, some of the survey's own, with all its quantities. A full model keeps
 its fields at all outputs; of its cost the preparation is left out, which could be as fast as that
-of a reduced model, whose cost is a query's whole one. A full model with steps is run with the
+of a reduced model, whose cost is a query's whole one. Without bounds that answers each of them
+many times at once, as it does many queries. A full model with steps is run with the
 largest whose error, over all these queries, is at most that of the reduced model: the largest
 energy norm of the difference to the lifted full model exact in time, of the largest norm of that.
 """
@@ -20,10 +21,9 @@ from sphpod.numerics import timing
 from sphpod.pipeline.dataset import Variable
 from sphpod.scene import waves
 from sphpod.scene.scene import Scene
-from sphpod.surveys import even, samples, training
+from sphpod.surveys import even, samples, training, unbounded
 from sphpod.surveys.answers import answer_all, of_settings
 from sphpod.surveys.parts import Operators, Values
-from sphpod.surveys.query import Answer, Survey
 from sphpod.surveys.questions import Question
 from sphpod.surveys.validation import relative_error
 
@@ -31,6 +31,9 @@ logger = logging.getLogger(__name__)
 
 QUERIES = 8
 """Queries that every contender answers in a turn."""
+
+AT_ONCE = 1000
+"""Queries that the reduced model without bounds answers in a run, at least."""
 
 SHORTEST = 0.02
 """Seconds that a timed run lasts at least; a shorter one is repeated until it does."""
@@ -66,6 +69,8 @@ class Contender:
         0 of a full model.
     time_step : float
         Δt [s], NaN where there is none.
+    rounds : int
+        How often it answers them.
     """
 
     name: str
@@ -74,6 +79,7 @@ class Contender:
     error: float
     modes: int = 0
     time_step: float = np.nan
+    rounds: int = 1
 
 
 class Task:
@@ -148,7 +154,7 @@ def measure(
     points = picked(bounded, asked, survey)
     of_points = [dict(zip(settings["parameters"], map(float, p), strict=True)) for p in points]
     task = Task(bounded.operators, asked, of_points)
-    reduced = _reduced(task, name, settings, model)
+    reduced = _reduced(task, bounded, points)
     contenders = [
         _sph(task),
         *_lifted(task, reduced.error),
@@ -158,13 +164,15 @@ def measure(
             reduced,
             name="reduced_bounded",
             answer=partial(answer_all, bounded, asked, points, survey["tolerance"]),
+            rounds=1,
         ),
     ]
     runs = [contender.answer for contender in contenders]
     numbers = [timing.warm_up(run, SHORTEST) for run in runs]
     train = partial(_train, name, settings, survey)
     seconds = timing.measure([*runs, train], survey["cost_repeats"], [*numbers, 1])
-    each, once = seconds[:-1] / len(points), seconds[-1]
+    rounds = np.array([contender.rounds for contender in contenders])
+    each, once = seconds[:-1] / (rounds[:, None] * len(points)), seconds[-1]
     middle = np.median(each, axis=1)
     full = np.array([contender.modes == 0 for contender in contenders])
     return {
@@ -228,28 +236,16 @@ def _train(name, settings, survey):
 # --- Reduced models -------------------------------------------------------------------------------
 
 
-def _reduced(task, name, settings, model):
+def _reduced(task, survey, points):
     """The reduced model without bounds and estimates."""
-    count = int(model["mode_count"])
-    few = {**model, "velocity_modes": model["velocity_modes"][:count]}
-    survey = Survey(Operators(name, settings, few), count)
-    none = np.zeros(survey.operators.nominal.error_times.size)
-
-    def solved(values):
-        query, *_ = survey.model(values)
-        coordinates = query.coordinates(query.solve())
-        return Answer(query, coordinates, none, none, float(np.linalg.norm(query.start)), 0.0)
-
-    def answer():
-        for values in task.points:
-            found = solved(values)
-            for question in task.asked.values():
-                question.answer(found, values)
+    rounds = -(-AT_ONCE // len(points))
 
     def fields(n):
-        return solved(task.points[n]).fields(survey.operators)
+        return survey.solve(task.points[n]).fields(survey.operators)
 
-    return Contender("reduced", "exact", answer, task.error(fields), count)
+    answer = partial(unbounded.answer_all, survey, task.asked, np.tile(points, (rounds, 1)))
+    error = task.error(fields)
+    return Contender("reduced", "exact", answer, error, survey.count, rounds=rounds)
 
 
 # --- Full models ----------------------------------------------------------------------------------

@@ -19,7 +19,7 @@ import numpy as np
 
 from sphpod.pipeline.dataset import Variable
 from sphpod.scene.breakdown import Breakdown
-from sphpod.surveys import samples, training, validation
+from sphpod.surveys import samples, training, unbounded, validation
 from sphpod.surveys.answers import answer_all, of_settings
 from sphpod.surveys.goal import SLACK, Arrays, Goal, scales
 from sphpod.surveys.questions import Question
@@ -234,14 +234,14 @@ def design(
     search = Search(settings["parameters"], keys, goal)
 
     def ask(points: np.ndarray) -> dict[str, np.ndarray]:
-        return answer_all(reduced, asked, points, tolerance)
+        return unbounded.answer_all(reduced, asked, points)
 
     starts, margin = _starts(search, answers, ask), np.zeros(len(goal.levels))
     checks: list[Check] = []
     trained: list[Arrays] = []
     while True:
         starts = search.best(ask, starts, margin)
-        found = ask(starts[:1])
+        found = answer_all(reduced, asked, starts[:1], tolerance)
         is_feasible = not goal.broken(found, margin)
         check = Check(found, is_feasible, *_in_full(name, settings, reduced, asked, starts[0]))
         verdict, is_open = check.verdict(goal)

@@ -8,6 +8,9 @@ import numpy as np
 from sphpod.numerics.expressions import Expression
 from sphpod.surveys.terms import separate
 
+Values = Mapping[str, float] | Mapping[str, np.ndarray]
+"""Parameters of a query, or of many, (queries,) each."""
+
 Sample = Callable[[Callable[..., np.ndarray]], np.ndarray]
 """Values of a function of x as the particles have them."""
 
@@ -62,11 +65,14 @@ class ParametricField:
     def least(self, values: Mapping[str, float]) -> float:
         """The least value of the particles; of several terms, if positive, one that is below it."""
         if self.profiles is not None:
-            of_terms = self.factors(values) * self._ends
-            least = float(of_terms.min(axis=0).sum())
+            least = float(self.floor(values))
             if self.is_one_term or least > 0:
                 return least
         return float(self.at(values).min())
+
+    def floor(self, values: Values) -> np.ndarray:
+        """What the sum of the terms is nowhere below: the sum of their least values."""
+        return (self.factors(values)[..., None, :] * self._ends).min(axis=-2).sum(axis=-1)
 
     @cached_property
     def _ends(self):
@@ -79,9 +85,19 @@ class ParametricField:
         """Whether it is the same everywhere, for all parameters."""
         return self.profiles is not None and not np.ptp(self.profiles, axis=1).any()
 
-    def factors(self, values: Mapping[str, float]) -> np.ndarray:
-        """g_i, shape (terms,)."""
-        return np.array([float(factor(**_arrays(values))) for factor in self._factors])
+    def factors(self, values: Values) -> np.ndarray:
+        """g_i, shape (terms,), or (queries, terms)."""
+        arrays = _arrays(values)
+        shape = np.broadcast_shapes(*(array.shape for array in arrays.values()))
+        found = [np.broadcast_to(factor(**arrays), shape) for factor in self._factors]
+        return np.stack(found, axis=-1).astype(float)
+
+    def each(self, values: Values, particles: np.ndarray) -> np.ndarray:
+        """The field of some of the particles in many queries, (queries, particles)."""
+        if self.profiles is not None:
+            return combined(self.factors(values), self.profiles[:, particles])
+        points = zip(*values.values(), strict=True)
+        return np.array([self.some(dict(zip(values, p, strict=True)), particles) for p in points])
 
     def some(self, values: Mapping[str, float], particles: np.ndarray) -> np.ndarray:
         """The field of some of the particles."""
@@ -97,6 +113,20 @@ class ParametricField:
             return self.sample(Expression(self.text, ("x",), {**self.constants, **values}))
         whole = self._whole
         return self.sample(lambda x: whole(x=x, **_arrays(values)))
+
+
+def combined(factors: np.ndarray, terms: np.ndarray) -> np.ndarray:
+    """Σ_i g_i h_i, (queries, …), whose digits do not depend on the other queries.
+
+    Parameters
+    ----------
+    factors : array, shape (queries, terms)
+    terms : array, shape (terms, …)
+    """
+    found = np.zeros((len(factors), *terms.shape[1:]))
+    for factor, term in zip(factors.T, terms, strict=True):
+        found += np.multiply.outer(factor, term)
+    return found
 
 
 def _arrays(values):

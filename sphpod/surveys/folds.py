@@ -5,6 +5,9 @@ import numpy as np
 from sphpod.surveys.parts import Operators, Values
 from sphpod.surveys.query import Answer
 
+FAR = 0.99
+"""Strain below which none is looked for."""
+
 
 def check_folds(operators: Operators, answer: Answer, values: Values) -> None:
     """Refuse an answer whose line may fold.
@@ -18,7 +21,8 @@ def check_folds(operators: Operators, answer: Answer, values: Values) -> None:
     """
     query = answer.query
     pushed = sum(course.impulse(query.times)[-1] for course in query.courses)
-    if answer.start_norm + answer.force_norm * pushed < 0.99 * operators.least_stiffness(values):
+    most = answer.start_norm + answer.force_norm * pushed
+    if most < FAR * operators.least_stiffness(values):
         return
     weights = np.sqrt(operators.volumes * operators.modulus.at(values))
     _, strain = answer.fields(operators)

@@ -136,6 +136,11 @@ class Operators:
         return self.damping is None or self.damping.is_even
 
     @cached_property
+    def oscillates(self) -> bool:
+        """Whether nothing pushes, damping is even, and parameters only scale the density."""
+        return self._inertia_is_affine and self.damping_is_even and self.load is None
+
+    @cached_property
     def gradient(self) -> Any:
         """The SPH derivative G [1/m], a scipy.sparse array (N, N)."""
         return derivative_matrix(self.nominal).tocsr()
@@ -155,7 +160,7 @@ class Operators:
             _check("damping", self.damping, values)
         if self._inertia_is_affine:
             factors = [np.zeros(0) if f is None else f.factors(values) for f in fields]
-            return self._inertia, abs(float(self.density.factors(values)[0])), factors
+            return self.unit_inertia, abs(float(self.density.factors(values)[0])), factors
         rows = [self._none if f is None else f.at(values)[None] for f in fields]
         return self._inertia_of(self.density.at(values), *rows), 1.0, [np.ones(len(r)) for r in rows]
 
@@ -169,7 +174,7 @@ class Operators:
         """
         _check("youngs_modulus", self.modulus, values)
         if self.is_affine:
-            return np.tensordot(self.modulus.factors(values), self._stiffnesses, 1)
+            return np.tensordot(self.modulus.factors(values), self.stiffnesses, 1)
         return modes @ self._stiffness_of(self.modulus.at(values)) @ modes.T
 
     @cached_property
@@ -177,8 +182,8 @@ class Operators:
         """Of ρ0 = h, where all coefficients fall apart, in the coordinates of `inertia`."""
         modulus, (damping, load, start) = self.modulus.profiles, self._profiles
         assert modulus is not None
-        density, into = self._shape, self._inertia.modes
-        modes, strains = into @ self.velocity_modes, into @ self.strain_modes
+        density = self._shape
+        modes, strains = self.shapes
         pulls = [self.nominal.derivative(c * strains) / density for c in modulus]
         # Even damping of the modes leaves nothing beside them.
         damping = damping[:0] if self.damping_is_even else damping
@@ -197,14 +202,37 @@ class Operators:
         return np.abs(self.density.profiles[0])
 
     @cached_property
-    def _inertia(self):
+    def unit_inertia(self) -> Inertia:
+        """Of the shape h of a density ρ0 = g h."""
         return self._inertia_of(self._shape, *self._profiles)
 
     @cached_property
-    def _stiffnesses(self):
+    def shapes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocities and strains of the coordinates of `unit_inertia`, (k, N) each."""
+        into = self.unit_inertia.modes
+        return into @ self.velocity_modes, into @ self.strain_modes
+
+    @cached_property
+    def start_factor(self) -> np.ndarray:
+        """QR factor of √(Vh) v0_j, (rows, terms)."""
+        root = np.sqrt(self.volumes * self._shape)
+        assert self.start.profiles is not None
+        return np.asarray(np.linalg.qr((root * self.start.profiles).T, mode="r"))
+
+    @cached_property
+    def stiffnesses(self) -> np.ndarray:
+        """K of each term of the modulus, in the coordinates of `unit_inertia`, (terms, k, k)."""
         assert self.modulus.profiles is not None
-        modes = self._inertia.modes
+        modes = self.unit_inertia.modes
         return np.array([modes @ self._stiffness_of(c) @ modes.T for c in self.modulus.profiles])
+
+    def norms(self, values: Values, strength: float) -> tuple[float, float]:
+        """Energy norms of the initial velocity, and of the profile of a force of some strength."""
+        mass = np.sqrt(self.volumes * self.density.at(values))
+        pushed = 0.0 if self.load is None else strength * self.load.at(values)
+        return float(np.linalg.norm(mass * self.start.at(values))), float(
+            np.linalg.norm(mass * pushed)
+        )
 
     @property
     def _profiles(self):

@@ -229,6 +229,19 @@ class Survey:
         )
         return query, (scale, damped, loaded, started, strength)
 
+    def solve(self, values: Values) -> "Answer":
+        """Solve a query, with a bound of zero in the place of one.
+
+        Raises
+        ------
+        ValueError
+            As `model`.
+        """
+        whole, factors = self.model(values)
+        query, none = whole.leading(self.count), np.zeros(self._times.size)
+        norms = self.operators.norms(values, factors[-1])
+        return Answer(query, query.coordinates(query.solve()), none, none, *norms)
+
     def answer(self, values: Values) -> "Answer":
         """Solve a query and bound its error, at the times of the outputs.
 

@@ -82,15 +82,50 @@ class Question:
         if kind == "maximum":
             size = np.abs(field)
             return size.max(), max(0.0, (size - margin).max()), (size + margin).max()
-        field, margin = field[:, 0], margin[:, 0]
-        if kind == "history":
-            return field, field - margin, field + margin
-        if kind == "value":
-            value, off = field[self.output], margin[self.output]
-            return value, value - off, value + off
-        size = np.abs(field)
-        found = (self._reached(each) for each in (size, size + margin, size - margin))
+        if kind == "passage":
+            size = np.abs(field)
+            ends = size, size + margin, np.maximum(size - margin, 0)
+            found = (self.of_sensors(each) for each in ends)
+        else:
+            found = (self.of_sensors(each) for each in (field, field - margin, field + margin))
         return tuple(found)  # type: ignore[return-value]
+
+    def of_sensors(self, field: np.ndarray) -> np.ndarray:
+        """What is asked of a field (…, times, sensors)."""
+        kind = self.asked["kind"]
+        if kind == "maximum":
+            return np.abs(field).max(axis=(-2, -1))
+        one = field[..., 0]
+        if kind == "history":
+            return one
+        if kind == "value":
+            return one[..., self.output]
+        above = np.abs(one) >= self.asked["level"]
+        return np.where(above.any(axis=-1), self.times[above.argmax(axis=-1)], np.nan)
+
+    def of_energy(self, energy: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """What is asked of an energy (…, times), of which the first is known better as `start`."""
+        now = energy[..., self.output]
+        return start - now if self.asked["kind"] == "energy_loss" else now
+
+    @property
+    def sensor_count(self) -> int:
+        """Sensors that a field is asked of."""
+        return len(self.firsts) if "field" in self.asked else 0
+
+    def sensors(self, values: Values) -> np.ndarray:
+        """Of many queries, sensors as vectors in the coordinates of `Operators.unit_inertia`.
+
+        Returns
+        -------
+        array, shape (queries, sensors, k)
+            One that serves all queries, but for sensors of stress.
+        """
+        at, weights = self.particles, self.weights[None, :]
+        if self.asked["field"] == "stress":
+            weights = weights * self.operators.modulus.each(values, at)
+        modes = self.operators.shapes[self.asked["field"] != "velocity"][:, at]
+        return np.swapaxes(self._summed(modes * weights[:, None, :]), 1, 2)
 
     def sensed(self, answer: Answer, values: Values) -> tuple[np.ndarray, np.ndarray]:
         """The field at the sensors, (times, sensors), and how far a unit of energy norm moves it.
@@ -124,25 +159,15 @@ class Question:
         begun = answer.start_norm**2 / 2
         return begun - energy, begun - high, begun - low
 
-    def _reached(self, size):
-        above = np.flatnonzero(size >= self.asked["level"])
-        return np.array(self.times[above[0]] if above.size else np.nan)
-
     def of_fields(self, scene: Any, fields: Mapping[str, np.ndarray], energy: np.ndarray) -> Any:
         """The same of a full solution: velocity and strain (times, N), and energy (times,)."""
         kind = self.asked["kind"]
         if kind in ("energy", "energy_loss"):
-            now = energy[self.output]
-            return energy[0] - now if kind == "energy_loss" else now
+            return self.of_energy(energy, energy[0])
         strain = fields["strain"]
         field = {"velocity": fields["velocity"], "strain": strain}.get(self.asked["field"])
         field = scene.modulus() * strain if field is None else field
-        sensed = self._summed(field[:, self.particles] * self.weights)
-        if kind == "maximum":
-            return np.abs(sensed).max()
-        if kind == "history":
-            return sensed[:, 0]
-        return sensed[self.output, 0] if kind == "value" else self._reached(np.abs(sensed[:, 0]))
+        return self.of_sensors(self._summed(field[:, self.particles] * self.weights))
 
 
 def _where(asked):

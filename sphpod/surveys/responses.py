@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.pipeline.dataset import Variable
-from sphpod.surveys import samples
+from sphpod.surveys import samples, unbounded
 from sphpod.surveys.answers import answer_all, of_settings
 
 ALONG = 41
@@ -37,7 +37,8 @@ def sections(
     """
     ranges = settings["parameters"]
     points = [_points(ranges, {word: ALONG}) for word in ranges]
-    return _answered(name, settings, survey, model, np.concatenate(points))
+    reduced, asked = _asked(name, settings, survey, model)
+    return answer_all(reduced, asked, np.concatenate(points), survey["tolerance"])
 
 
 def surfaces(
@@ -52,7 +53,7 @@ def surfaces(
     Returns
     -------
     dict
-        As from `answers.answer_all`, of blocks of ``ACROSS``² queries; quantity, and surface, the
+        As from `unbounded.answer_all`, of blocks of ``ACROSS``² queries; quantity, and surface, the
         block of each, (quantities,).
     """
     ranges, words = settings["parameters"], list(settings["parameters"])
@@ -60,7 +61,8 @@ def surfaces(
     pairs = [_strongest(sections[word].reshape(len(ranges), ALONG)) for word in scalars]
     blocks = list(dict.fromkeys(pairs))
     points = [_points(ranges, {words[n]: ACROSS for n in pair}) for pair in blocks]
-    return _answered(name, settings, survey, model, np.concatenate(points)) | {
+    reduced, asked = _asked(name, settings, survey, model)
+    return unbounded.answer_all(reduced, asked, np.concatenate(points)) | {
         "quantity": np.array(scalars, object),
         "surface": np.array([blocks.index(pair) for pair in pairs], np.int32),
     }
@@ -75,10 +77,10 @@ def _points(ranges, counts):
     return samples.points(even, {"grid": counts})
 
 
-def _answered(name, settings, survey, model, points):
+def _asked(name, settings, survey, model):
+    """The survey, and its questions whose answers are numbers."""
     reduced, asked = of_settings(name, settings, survey, model)
-    scalars = {word: question for word, question in asked.items() if not question.is_curve}
-    return answer_all(reduced, scalars, points, survey["tolerance"])
+    return reduced, {word: question for word, question in asked.items() if not question.is_curve}
 
 
 def _strongest(sections):

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from sphpod.pipeline.dataset import Variable
-from sphpod.surveys import samples
-from sphpod.surveys.answers import answer_all, of_settings
+from sphpod.surveys import samples, unbounded
+from sphpod.surveys.answers import of_settings
 
 SEED = 7
 """Of the draw of samples and of the bootstrap."""
@@ -57,7 +57,7 @@ def share_out(
 
     def respond(unit):
         points = samples.spread(ranges, unit.reshape(len(ranges), -1).T)
-        found = answer_all(reduced, kept, points, survey["tolerance"])
+        found = unbounded.answer_all(reduced, kept, points)
         responses.append(np.array([found[word] for word in scalars]))
         return responses[-1]
 

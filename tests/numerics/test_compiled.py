@@ -6,7 +6,7 @@ from numba.core.dispatcher import Dispatcher
 from scenes import VARIED, scene
 
 from sphpod.full import coefficients_in_time, lifted, sph
-from sphpod.numerics import propagator
+from sphpod.numerics import oscillators, propagator
 from sphpod.reduced import lifted_rom, pod, reduced_in_time, rom, snapshots
 from sphpod.reference import chain, reference
 
@@ -62,6 +62,7 @@ def test_every_kernel_has_one_signature(monkeypatch):
             rom,
             lifted,
             propagator,
+            oscillators,
             coefficients_in_time,
             reduced_in_time,
         )

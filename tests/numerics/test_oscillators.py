@@ -99,16 +99,17 @@ def test_histories_and_energies_are_those_of_the_exponential(seed) -> None:
         np.testing.assert_allclose(energies[n], squares / 2, atol=1e-11 * squares[0])
         for m, of_velocity in enumerate(is_velocity):
             expected = (velocity if of_velocity else place) @ sensors[n, m]
-            size = np.linalg.norm(starts[n]) * np.linalg.norm(sensors[n, m])
+            size = float(np.linalg.norm(starts[n]) * np.linalg.norm(sensors[n, m]))
             np.testing.assert_allclose(histories[n, m], expected, atol=1e-11 * size)
 
 
 def test_a_query_does_not_depend_on_those_beside_it() -> None:
     given = case(3)
     whole = solved(*given)
-    terms, *each, is_velocity = given
+    terms, factors, decays, starts, sensors, is_velocity = given
     for order in ([4], [3, 0], [2, 2, 1]):
-        part = solved(terms, *(array[order] for array in each), is_velocity)
+        each = factors[order], decays[order], starts[order], sensors[order]
+        part = solved(terms, *each, is_velocity)
         for some, every in zip(part, whole, strict=True):
             assert some.tobytes() == every[order].tobytes()
 
@@ -128,7 +129,5 @@ def test_a_jump_is_the_exponential_where_it_oscillates_creeps_or_does_neither(
 
 def test_without_damping_energy_stays() -> None:
     terms, factors, _, starts, sensors, is_velocity = case(5)
-    _, energies = solved(
-        terms, factors, np.zeros(5), starts, sensors, is_velocity, outputs=1001
-    )
+    _, energies = solved(terms, factors, np.zeros(5), starts, sensors, is_velocity, outputs=1001)
     np.testing.assert_allclose(energies, np.tile(energies[:, :1], 1001), rtol=1e-11)
