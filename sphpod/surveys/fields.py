@@ -62,6 +62,11 @@ class ParametricField:
         """Whether the parameters only scale it."""
         return self.profiles is not None and len(self.profiles) == 1
 
+    @property
+    def is_elementwise(self) -> bool:
+        """Whether parameters may be arrays in it."""
+        return self._whole is not None
+
     def least(self, values: Mapping[str, float]) -> float:
         """The least value of the particles; of several terms, if positive, one that is below it."""
         if self.profiles is not None:

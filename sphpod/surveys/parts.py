@@ -138,7 +138,8 @@ class Operators:
     @cached_property
     def oscillates(self) -> bool:
         """Whether nothing pushes, damping is even, and parameters only scale the density."""
-        return self._inertia_is_affine and self.damping_is_even and self.load is None
+        is_even = self._inertia_is_affine and self.damping_is_even and self.load is None
+        return is_even and self.modulus.is_elementwise
 
     @cached_property
     def gradient(self) -> Any:

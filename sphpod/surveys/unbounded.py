@@ -21,7 +21,7 @@ from sphpod.surveys.questions import Question
 logger = logging.getLogger(__name__)
 
 NUMBERS = 2**18
-"""Numbers of the histories that are made together."""
+"""Numbers of the histories, or of the moduli, that are made together."""
 
 
 def answer_all(
@@ -41,7 +41,7 @@ def answer_all(
         (queries,) or (queries, times) each; t.
     """
     operators, count = survey.operators, len(points)
-    times = operators.nominal.error_times
+    times, particles = operators.nominal.error_times, operators.volumes.size
     quantities = {
         name: np.full((count, times.size) if question.is_curve else count, np.nan)
         for name, question in asked.items()
@@ -49,7 +49,8 @@ def answer_all(
     reasons, is_left = np.full(count, "", object), np.ones(count, bool)
     sensors = sum(question.sensor_count for question in asked.values())
     if operators.oscillates and sensors <= survey.count:
-        together = max(1, NUMBERS // (times.size * max(1, sensors))) if operators.is_affine else 1
+        each = max(times.size * (1 + sensors), 0 if operators.is_affine else particles)
+        together = max(1, NUMBERS // each)
         for first in range(0, count, together):
             rows = slice(first, first + together)
             part = {name: values[rows] for name, values in quantities.items()}
@@ -69,41 +70,31 @@ def answer_all(
     return {"t": times, **parameters, "reason": reasons, **quantities}
 
 
+@np.errstate(all="ignore")
 def _fill(survey, asked, points, found):
     """Write what oscillators answer, and say which queries are left, (queries,)."""
     operators, count = survey.operators, survey.count
     values = dict(zip(operators.parameters, np.ascontiguousarray(points.T), strict=True))
-    density, decay = operators.density.factors(values)[:, 0], np.zeros(len(points))
+    scale, decay = np.abs(operators.density.factors(values)[:, 0]), np.zeros(len(points))
     if operators.damping is not None:
         decay = operators.damping.each(values, np.zeros(1, int))[:, 0]
+    if operators.is_affine:
+        modulus = operators.modulus.factors(values)
+        least = operators.modulus.floor(values)
+    else:
+        modulus = operators.modulus.each(values, np.arange(operators.volumes.size))
+        least = modulus.min(axis=1)
     started = operators.start.factors(values)
-    scale = np.abs(density)
     begun = scale / 2 * (combined(started, operators.start_factor.T) ** 2).sum(axis=1)
-    terms, factors, least = _stiffnesses(operators, values, count)
-    fastest = FAR**2 * operators.volumes.min() * least
-    answered = (operators.density.floor(values) > 0) & (decay >= 0) & (2 * begun < fastest)
-    rows = np.flatnonzero(answered)
-    if not rows.size:
-        return ~answered
-    sensing = {name: question for name, question in asked.items() if question.sensor_count}
-    each = [question.sensors(values)[:, :, :count] for question in sensing.values()]
-    sensors = [np.broadcast_to(part, (len(points), *part.shape[1:])) for part in each]
+    folds_not = 2 * begun < FAR**2 * operators.volumes.min() * least
+    is_answered = (operators.density.floor(values) > 0) & (decay >= 0) & folds_not
+    rows = np.flatnonzero(is_answered)
+    sensors, is_velocity = _sensors(asked, values, (len(points), count))
+    starts = combined(started, operators.unit_inertia.start[:, :count])
     energies = np.empty((rows.size, operators.nominal.error_times.size))
-    histories = np.empty((rows.size, sum(part.shape[1] for part in sensors), energies.shape[1]))
-    oscillators.solve_each(
-        terms,
-        factors[rows] / scale[rows, None],
-        decay[rows],
-        combined(started[rows], operators.unit_inertia.start[:, :count]),
-        np.concatenate([np.zeros((len(points), 0, count)), *sensors], axis=1)[rows],
-        np.repeat(
-            [question.asked["field"] == "velocity" for question in sensing.values()],
-            [question.sensor_count for question in sensing.values()],
-        ).astype(bool),
-        operators.nominal.error_interval,
-        histories,
-        energies,
-    )
+    histories = np.empty((rows.size, is_velocity.size, energies.shape[1]))
+    each = decay[rows], starts[rows], sensors[rows], histories, energies
+    _solve(operators, modulus[rows] / scale[rows, None], is_velocity, *each)
     energies *= scale[rows, None]
     first = 0
     for name, question in asked.items():
@@ -114,15 +105,34 @@ def _fill(survey, asked, points, found):
         else:
             found[name][rows] = question.of_energy(energies, begun[rows])
         first = last
-    return ~answered
+    return ~is_answered
 
 
-def _stiffnesses(operators, values, count):
-    """Stiffness matrices, their factors (queries, terms), and what the modulus is not below."""
+def _sensors(asked, values, shape):
+    """All sensors (queries, sensors, k), and whether each is one of velocity."""
+    sensing = [question for question in asked.values() if question.sensor_count]
+    each = [question.sensors(values)[:, :, : shape[1]] for question in sensing]
+    is_velocity = [question.asked["field"] == "velocity" for question in sensing]
+    counts = [question.sensor_count for question in sensing]
+    sensors = np.empty((shape[0], sum(counts), shape[1]))
+    for first, part in zip(np.cumsum([0, *counts]), each, strict=False):
+        sensors[:, first : first + part.shape[1]] = part
+    return sensors, np.repeat(np.array(is_velocity, bool), counts)
+
+
+def _solve(operators, modulus, is_velocity, *each):
+    """Fill histories and energies of queries, from their moduli: by terms, or by particles."""
+    interval, count = operators.nominal.error_interval, each[1].shape[1]
+
+    def solve(terms, factors, decays, starts, sensors, histories, energies):
+        oscillators.solve_each(
+            *(terms, factors, decays, starts, sensors, is_velocity, interval, histories, energies)
+        )
+
     if operators.is_affine:
-        terms = np.ascontiguousarray(operators.stiffnesses[:, :count, :count])
-        return terms, operators.modulus.factors(values), operators.modulus.floor(values)
-    modulus = operators.modulus.each(values, np.arange(operators.volumes.size))
-    strains = operators.shapes[1][:count]
-    terms = (strains * (operators.volumes * modulus[0])) @ strains.T
-    return terms[None], np.ones((1, 1)), modulus.min(axis=1)
+        solve(np.ascontiguousarray(operators.stiffnesses[:, :count, :count]), modulus, *each)
+        return
+    strains, once = operators.shapes[1][:count], np.ones((1, 1))
+    for n, field in enumerate(modulus):
+        stiffness = (strains * (operators.volumes * field)) @ strains.T
+        solve(stiffness[None], once, *(array[n : n + 1] for array in each))

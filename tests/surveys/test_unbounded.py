@@ -35,6 +35,9 @@ ONE_BY_ONE: dict[str, dict[str, Any]] = {
     "damped_here_and_there": {"damping": "decay*(1 + 0.5*sin(2*pi*x/L))"},
     "forced": {"force": {"time": "1e-3*cos(20*t)", "profile": "1 + x"}},
     "density": {"initial_density": "1 + contrast*x*(L - x)"},
+    "counted": {
+        "youngs_modulus": "sum(stiffness + 0*x for l in range(0, nth((1.0, 2.0), 3*contrast)))"
+    },
 }
 
 
