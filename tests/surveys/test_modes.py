@@ -26,14 +26,18 @@ def test_all_modes_hold_all_strains_and_what_moves_with_them(changes) -> None:
     np.testing.assert_allclose((modes * case.volumes) @ modes.T, np.eye(len(modes)), atol=1e-12)
     strains = case.derivative(modes)
     for _, fields in solved:
-        for name, held, most in (("strain", strains, 1e-6), ("velocity", modes, 1e-4)):
+        for name, held, most in (("strain", strains, 1e-5), ("velocity", modes, 1e-4)):
             field = fields[name].T
             left = field - held.T @ np.linalg.lstsq(held.T, field)[0]
             assert np.linalg.norm(left) <= most * np.linalg.norm(field)
 
 
 def test_the_constant_velocity_is_a_mode_where_momentum_changes() -> None:
-    for changes, rigid in (({}, 0), ({"force": PUSH}, 1), ({"force": PUSH, "positions": {"jitter": 0.2}}, 0)):
+    for changes, rigid in (
+        ({}, 0),
+        ({"force": PUSH}, 1),
+        ({"force": PUSH, "positions": {"jitter": 0.2}}, 0),
+    ):
         _, shared = trained(**changes)
         first = shared["velocity_modes"][0]
         assert int(shared["translation"]) == rigid
