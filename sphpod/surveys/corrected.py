@@ -109,7 +109,9 @@ def corrected_bound(
         return oscillating_bound(query, residual, beside, size) + added
     # The force moves the changed displacement at once, and no velocity does.
     jumps = np.linalg.qr(strained @ push, mode="r")
-    rows = np.block([[residual, line.force - velocity @ push], [np.zeros((len(jumps), z.size)), jumps]])
+    rows = np.block(
+        [[residual, line.force - velocity @ push], [np.zeros((len(jumps), z.size)), jumps]]
+    )
     damping = np.append(np.broadcast_to(line.damping, len(residual)), np.zeros(len(jumps)))
     sizes = size, float(np.linalg.norm(line.force))
     return driven_bound(query, rows, damping, beside, sizes, np.concatenate([moved, strained]))

@@ -17,7 +17,7 @@ STILL = 1e-3
 """Strain of a wave, of that of the slowest one, below which it is none."""
 
 DEPENDENT = 1e-8
-"""Part of a mode that those before leave over, from which it is one of its own."""
+"""Part that those before leave over of a mode, of the largest one, from which it is its own."""
 
 
 def shared_modes(solved: Iterable[tuple[Scene, Arrays]]) -> dict[str, np.ndarray]:
@@ -50,7 +50,7 @@ def shared_modes(solved: Iterable[tuple[Scene, Arrays]]) -> dict[str, np.ndarray
     rows = np.concatenate([constant, _displacements(scenes[0], waves)]) * np.sqrt(volumes)
     columns, left = np.linalg.qr(rows.T)
     shares = np.diag(left)
-    dependent = np.abs(shares) <= DEPENDENT * np.linalg.norm(rows, axis=1)
+    dependent = np.abs(shares) <= DEPENDENT * np.linalg.norm(rows, axis=1).max(initial=0)
     rank = int(np.argmax(dependent)) if dependent.any() else len(rows)
     modes = (columns * np.sign(shares)).T[:rank] / np.sqrt(volumes)
     return {"velocity_modes": modes, "translation": np.array(int(translates))}

@@ -19,9 +19,7 @@ from sphpod.numerics import propagator
 from sphpod.reduced.error_bound import COARSEST, EXCESS, FINEST, ROUNDING, follow
 
 
-def oscillating_bound(
-    query: Any, residual: np.ndarray, beside: float, size: float
-) -> np.ndarray:
+def oscillating_bound(query: Any, residual: np.ndarray, beside: float, size: float) -> np.ndarray:
     """Bound of the energy norm of the error at the outputs, (times,).
 
     Parameters
@@ -76,9 +74,9 @@ def _on_grid(query, factor, beside, steps):
 def _sizes(own, state):
     """|z''| of each oscillator at the times of the grid, (pairs, times)."""
     pairs = len(state) - len(own.blocks)
-    once = own.blocks[:pairs] @ own.blocks[:pairs]
-    both = np.stack([state[:pairs], state[len(own.blocks) :]], axis=1)
-    return np.linalg.norm(once @ both, axis=1)
+    decay, frequency = -own.blocks[:pairs, 0, 0, None], own.blocks[:pairs, 0, 1, None]
+    rate = decay * state[:pairs] - frequency * state[len(own.blocks) :]
+    return np.hypot(decay * rate - frequency**2 * state[:pairs], frequency * rate)
 
 
 def _integral(step, norms, bends):

@@ -163,7 +163,11 @@ class Operators:
             factors = [np.zeros(0) if f is None else f.factors(values) for f in fields]
             return self.unit_inertia, abs(float(self.density.factors(values)[0])), factors
         rows = [self._none if f is None else f.at(values)[None] for f in fields]
-        return self._inertia_of(self.density.at(values), *rows), 1.0, [np.ones(len(r)) for r in rows]
+        return (
+            self._inertia_of(self.density.at(values), *rows),
+            1.0,
+            [np.ones(len(r)) for r in rows],
+        )
 
     def stiffness(self, values: Values, modes: np.ndarray) -> np.ndarray:
         """K in the coordinates of energy that `Inertia.modes` are given of, (k, k).

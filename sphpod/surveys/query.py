@@ -91,9 +91,9 @@ class Query:
         count, rigid = frequencies.size, self.translation
         if self.uniform is not None:
             return oscillators(shapes, frequencies, np.eye(count), rigid, self.uniform)
-        turned = np.pad(shapes * frequencies, ((rigid, 0), (0, 0)))
+        coupling = np.pad(shapes * frequencies, ((rigid, 0), (0, 0)))
         none = np.zeros((count, count))
-        return eigenmodes(np.block([[-self.damping, turned], [-turned.T, none]]))
+        return eigenmodes(np.block([[-self.damping, coupling], [-coupling.T, none]]))
 
     @cached_property
     def fields(self) -> tuple[np.ndarray, np.ndarray]:
@@ -146,9 +146,8 @@ class Query:
 
     def norms(self, velocity: np.ndarray, displacement: np.ndarray) -> np.ndarray:
         """Energy norms of coordinates (times, k) each, (times,)."""
-        squares = np.einsum("tk,tk->t", velocity, velocity)
-        squares += np.einsum("tk,tk->t", displacement @ self.stiffness, displacement)
-        return np.sqrt(squares)
+        strained = np.einsum("tk,tk->t", displacement @ self.stiffness, displacement)
+        return np.sqrt(np.einsum("tk,tk->t", velocity, velocity) + np.maximum(strained, 0))
 
 
 class Survey:
@@ -296,9 +295,7 @@ class Survey:
         if query.uniform is None:
             columns -= np.tensordot(damped, residual.damping[:, kv:, :kv], 1) @ velocity
         begun, push = root * residual.start @ started, root * residual.load @ loaded
-        beside, size, pushed = (
-            float(np.linalg.norm(each)) for each in (begun[kv:], begun, push)
-        )
+        beside, size, pushed = (float(np.linalg.norm(each)) for each in (begun[kv:], begun, push))
         if query.uniform is not None and not query.courses:
             bound = oscillating_bound(query, columns, beside, size)
         else:
@@ -312,7 +309,8 @@ class Survey:
         operators, kv = self.operators, len(query.start)
         line = operators.line(values, factors[-1])
         modes = line.mass[:, None] * (query.velocity_modes @ operators.velocity_modes[:kv]).T
-        bound = corrected_bound(query, line, *(modes @ each for each in query.fields), shift)
+        velocity, displacement = (modes @ each for each in query.fields)
+        bound = corrected_bound(query, line, velocity, displacement, shift)
         return bound, float(np.linalg.norm(line.start)), float(np.linalg.norm(line.force))
 
 
@@ -380,4 +378,3 @@ class Answer:
         """The same of the difference to the model of all modes."""
         largest = max(self.start_norm, float(self.norms.max()))
         return float(self.difference.max() / largest) if largest > 0 else 0.0
-

@@ -27,6 +27,13 @@ CASES: dict[str, dict[str, Any]] = {
     "uneven_damping": {"damping": "decay*(1 + 0.5*sin(2*pi*x/L))"},
     "forced": {"force": FORCE},
     "density": {"initial_density": "1 + contrast*x*(L - x)", "youngs_modulus": "stiffness"},
+    "layers": {"youngs_modulus": "where(x < L/2, stiffness, stiffness*(1 + contrast))"},
+    "scaled": {
+        "initial_density": "(1 + contrast)*(1 + 0.2*cos(2*pi*x/L))", "youngs_modulus": "stiffness",
+    },
+    "scattered": {
+        "positions": {"jitter": 0.2, "seed": 1}, "initial_velocity": "1e-3*(1 + sin(2*pi*x/L))",
+    },
     "inclusion": {"youngs_modulus": "stiffness*(1 - 0.5*exp(-((x - L/2 - contrast/4)/0.1)**2))"},
 }  # fmt: skip
 
@@ -113,6 +120,18 @@ def test_a_query_is_the_lifted_model_of_its_modes_and_their_strains(surveys, cas
     ours, _ = scaled(survey, answer, scene)
     theirs = np.concatenate([velocity @ own.velocity_modes, strain @ own.strain_modes], axis=1)
     assert np.abs(ours - theirs).max() <= 1e-9 * np.abs(ours).max()
+
+
+def test_what_falls_apart_is_not_evaluated_at_the_particles(surveys, monkeypatch) -> None:
+    point = {"stiffness": 0.07, "contrast": 0.21, "decay": 0.9}
+    for case in ("uniform_damping", "all_affine", "forced", "scaled"):
+        operators = surveys[case][1].operators
+        rough = Survey(operators, 4, tolerance=np.inf)
+        rough.answer(point)
+        with monkeypatch.context() as patched:
+            patched.setattr("sphpod.surveys.fields.ParametricField.at", None)
+            rough.answer(point)
+    assert not surveys["inclusion"][1].operators.is_affine
 
 
 def test_momentum_is_exact_for_any_parameters(surveys) -> None:
