@@ -23,7 +23,7 @@ from sphpod.surveys.answers import answer_all
 from sphpod.surveys.parts import Operators, Values
 from sphpod.surveys.query import Answer, Survey
 from sphpod.surveys.questions import questions
-from sphpod.surveys.validation import SEED, fields_of, relative_error
+from sphpod.surveys.validation import SEED, relative_error
 
 CONFIG, NAME = "config/surveys.yaml", "graded_bar"
 
@@ -132,8 +132,8 @@ class Task:
     def operators(self) -> Operators:
         """Of no modes: profiles of the coefficients."""
         count = self.settings["particle_count"]
-        none = {name: np.zeros((1, count)) for name in ("velocity_modes", "stress_modes")}
-        return Operators(NAME, self.settings, none | {"translation": 0})
+        none = {"velocity_modes": np.zeros((1, count)), "translation": 0}
+        return Operators(NAME, self.settings, none)
 
     @cached_property
     def questions(self) -> Mapping[str, Any]:
@@ -180,12 +180,7 @@ def ours(task: Task, counts: Sequence[int] = MODE_COUNTS) -> Iterator[Method]:
     def build(bounded, count):
         shared = modes.get(0) or trained()
         kept = 2 * count if bounded else count
-        rigid = int(shared["translation"])
-        few = {
-            "velocity_modes": shared["velocity_modes"][:kept],
-            "stress_modes": shared["stress_modes"][: kept - rigid],
-            "translation": rigid,
-        }
+        few = {**shared, "velocity_modes": shared["velocity_modes"][:kept]}
         survey = Survey(Operators(NAME, task.settings, few), count)
         asked = questions(survey.operators, task.survey["quantities"])
         none = np.zeros(survey.operators.nominal.error_times.size)
@@ -205,13 +200,13 @@ def ours(task: Task, counts: Sequence[int] = MODE_COUNTS) -> Iterator[Method]:
             return answer_all(survey, asked, point, task.survey["tolerance"])
 
         def fields(values):
-            return fields_of(survey.operators, solved(values), values)
+            return solved(values).fields(survey.operators)
 
         return Surveyed(fields, with_bounds if bounded else plain)
 
     one = partial(Method, "sphpod", integrator="exact, one jump to each output", counts=counts)
-    yield one("velocity and stress", build=partial(build, False))
-    yield one("velocity and stress, with bounds and estimate", build=partial(build, True))
+    yield one("displacement", build=partial(build, False))
+    yield one("displacement, with bounds and estimate", build=partial(build, True))
 
 
 @threadpool_limits.wrap(limits=1)

@@ -101,11 +101,12 @@ def corrected_bound(
     size = float(np.linalg.norm(line.start))
     if query.uniform is not None and not query.courses:
         state, count = query.solve(), len(own.blocks)
-        first, second = moved[:, :count], strained[:, count:]
-        parts = (np.linalg.qr(x, mode="r") @ part for x, part in (
-            (first, state[:count]), (second, state[count:])
-        ))  # fmt: skip
-        added = np.hypot(*(np.linalg.norm(part, axis=0) for part in parts))
+        added = np.hypot(
+            *(
+                np.linalg.norm(np.linalg.qr(columns[:, part], mode="r") @ state[part], axis=0)
+                for columns, part in ((moved, slice(count)), (strained, slice(count, None)))
+            )
+        )
         return oscillating_bound(query, residual, beside, size) + added
     # The force moves the changed displacement at once, and no velocity does.
     jumps = np.linalg.qr(strained @ push, mode="r")
