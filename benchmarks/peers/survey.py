@@ -18,10 +18,10 @@ from benchmarks.peers import table
 from sphpod.config.config import load
 from sphpod.full import lifted
 from sphpod.numerics.timing import machine, measure, warm_up
-from sphpod.surveys import samples, training
+from sphpod.surveys import samples, training, unbounded
 from sphpod.surveys.answers import answer_all
 from sphpod.surveys.parts import Operators, Values
-from sphpod.surveys.query import Answer, Survey
+from sphpod.surveys.query import Survey
 from sphpod.surveys.questions import questions
 from sphpod.surveys.validation import SEED, relative_error
 
@@ -35,6 +35,9 @@ NOMINAL_COUNTS = (8, 12, 16, 20, 24, 32)
 
 TESTED = 16
 """Random queries whose true errors are taken."""
+
+AT_ONCE = 250
+"""Queries without bounds that are answered together."""
 
 TIMED = 4
 """Queries that are answered in a turn."""
@@ -57,6 +60,8 @@ class Surveyed:
         Velocity and strain (times, N) at some parameters.
     answer : callable
         What is timed: from parameters to the quantities of the survey.
+    at_once : int
+        Queries at these parameters that it answers, as many do that have no use for one alone.
     growth : callable, optional
         Largest real part of its operator at some parameters [1/s]; None where it is proved that
         there is none above 0.
@@ -65,6 +70,7 @@ class Surveyed:
     fields: Callable[[Values], Fields]
     answer: Callable[[Values], object]
     growth: Callable[[Values], float] | None = None
+    at_once: int = 1
 
 
 @dataclass(frozen=True)
@@ -183,26 +189,21 @@ def ours(task: Task, counts: Sequence[int] = MODE_COUNTS) -> Iterator[Method]:
         few = {**shared, "velocity_modes": shared["velocity_modes"][:kept]}
         survey = Survey(Operators(NAME, task.settings, few), count)
         asked = questions(survey.operators, task.survey["quantities"])
-        none = np.zeros(survey.operators.nominal.error_times.size)
-
-        def solved(values):
-            query, *_ = survey.model(values)
-            query = query.leading(count)
-            coordinates = query.coordinates(query.solve())
-            return Answer(query, coordinates, none, none, float(np.linalg.norm(query.start)), 0.0)
 
         def plain(values):
-            found = solved(values)
-            return [each.answer(found, values) for each in asked.values()]
+            points = np.tile([*values.values()], (AT_ONCE, 1))
+            return unbounded.answer_all(survey, asked, points)
 
         def with_bounds(values):
             point = np.array([[*values.values()]])
             return answer_all(survey, asked, point, task.survey["tolerance"])
 
         def fields(values):
-            return solved(values).fields(survey.operators)
+            return survey.solve(values).fields(survey.operators)
 
-        return Surveyed(fields, with_bounds if bounded else plain)
+        if bounded:
+            return Surveyed(fields, with_bounds)
+        return Surveyed(fields, plain, at_once=AT_ONCE)
 
     one = partial(Method, "sphpod", integrator="exact, one jump to each output", counts=counts)
     yield one("displacement", build=partial(build, False))
@@ -226,7 +227,7 @@ def compare(task: Task, methods: Sequence[Method]) -> list[dict[str, Any]]:
             entries.append((method, count, errors, offline, task.growth(model)))
             runs.append(run)
             numbers.append(warm_up(run, SHORTEST))
-            parts.append(len(points))
+            parts.append(len(points) * model.at_once)
             print(f"{method.tool}: {method.model}, k = {count}: {errors.max():.2e}", flush=True)
     seconds = measure(runs, REPEATS, numbers) / np.array(parts)[:, None]
     return [_row(*entry, times) for entry, times in zip(entries, seconds, strict=True)]

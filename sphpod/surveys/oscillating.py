@@ -4,7 +4,7 @@ The bound is (2) of `sphpod.reduced.error_bound`. The residual is of velocity, a
 damping of displacements β alone, as Φᵀ a' + d Φᵀ a = -Φᵀ M⁻¹ K q.
 
 Within a step δ of the grid the residual's second derivative is at most β = Σ |r_j| |z_j''|, over
-the oscillators j with columns r_j, as no |z_j''| grows. With norms y at the ends of a step,
+the oscillators j with columns r_j, as no bound of |z_j''| grows. With norms y at the ends of a step,
 
     ∫|r| ≤ δ (y₀ + y₁)/2 + β δ³/12,    √∫|r|² ≤ √(δ (y₀² + y₀y₁ + y₁²)/3) + β √(δ⁵/120).
 
@@ -57,7 +57,8 @@ def _on_grid(query, factor, beside, steps):
     propagator.prepare(own.blocks, own.singles, still, step, steps + 1).run(state)
     moved = factor @ state[count:]
     norms = np.sqrt(np.einsum("ij,ij->j", moved, moved))
-    bends = np.linalg.norm(factor, axis=0) @ _sizes(own, state[:, :-1])
+    fading, lasting = np.linalg.norm(factor, axis=0) @ most_bends(query)
+    bends = lasting + fading * np.exp(-(query.uniform or 0) / 2 * step * np.arange(steps))
     lasts = (query.uniform or 0) * query.scene.duration >= 1
 
     def bounded(bends):
@@ -71,12 +72,25 @@ def _on_grid(query, factor, beside, steps):
     return bounded(bends), bounded(np.zeros(steps))
 
 
-def _sizes(own, state):
-    """|z''| of each oscillator at the times of the grid, (pairs, times)."""
-    pairs = len(state) - len(own.blocks)
-    decay, frequency = -own.blocks[:pairs, 0, 0, None], own.blocks[:pairs, 0, 1, None]
-    rate = decay * state[:pairs] - frequency * state[len(own.blocks) :]
-    return np.hypot(decay * rate - frequency**2 * state[:pairs], frequency * rate)
+def most_bends(query):
+    """What |z''| of each oscillator is at most: the first times exp(-d t/2), and the second.
+
+    z'' moves as z does: it fades as exp(-d t/2) where it swings, and grows nowhere.
+
+    Returns
+    -------
+    array, shape (pairs, 2)
+    """
+    own, start = query.own, query.own_start
+    pairs = len(start) - len(own.blocks)
+    decay, frequency = (query.uniform or 0) / 2, own.blocks[:pairs, 0, 1]
+    rate = -frequency * start[:pairs]
+    bend = -2 * decay * rate - frequency**2 * start[len(own.blocks) :]
+    turn = -2 * decay * bend - frequency**2 * rate
+    swings = frequency > 2 * decay
+    swing = np.sqrt(np.where(swings, frequency**2 - decay**2, 1))
+    size = np.hypot(bend, np.where(swings, (turn + decay * bend) / swing, turn / frequency))
+    return np.stack([size * swings, size * ~swings], axis=1)
 
 
 def _integral(step, norms, bends):
