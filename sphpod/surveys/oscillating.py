@@ -4,7 +4,8 @@ The bound is (2) of `sphpod.reduced.error_bound`. The residual is of velocity, a
 damping of displacements β alone, as Φᵀ a' + d Φᵀ a = -Φᵀ M⁻¹ K q.
 
 Within a step δ of the grid the residual's second derivative is at most β = Σ |r_j| |z_j''|, over
-the oscillators j with columns r_j, as no bound of |z_j''| grows. With norms y at the ends of a step,
+the oscillators j with columns r_j, where |z_j''| is what it is at most from the step's beginning
+on. With norms y at the ends of a step,
 
     ∫|r| ≤ δ (y₀ + y₁)/2 + β δ³/12,    √∫|r|² ≤ √(δ (y₀² + y₀y₁ + y₁²)/3) + β √(δ⁵/120).
 
