@@ -145,7 +145,7 @@ def jump(stiffness, decay, interval):
 
 
 @compiled_sums
-def solve_each(terms, factors, decays, starts, sensors, is_velocity, interval, histories, energies):
+def solve_each(terms, factors, decays, vectors, is_velocity, interval, found):
     """Solve queries one by one.
 
     Parameters
@@ -156,21 +156,17 @@ def solve_each(terms, factors, decays, starts, sensors, is_velocity, interval, h
         θ_i.
     decays : array, shape (queries,)
         d [1/s].
-    starts : array, shape (queries, k)
-        v at t = 0.
-    sensors : array, shape (queries, sensors, k)
-        Vectors that v or q is multiplied by.
+    vectors : array, shape (queries, 1 + sensors, k)
+        v at t = 0, and vectors that v or q is multiplied by.
     is_velocity : bool array, shape (sensors,)
         Whether v is.
     interval : float
         Time from output to output [s].
-    histories : array, shape (queries, sensors, outputs)
-        Filled, from t = 0 on.
-    energies : array, shape (queries, outputs)
-        Filled.
+    found : array, shape (queries, 1 + sensors, outputs)
+        Filled with the energy and those products, from t = 0 on.
     """
-    count, outputs = terms.shape[1], energies.shape[1]
-    matrix, vectors = np.empty((count, count)), np.empty((1 + len(is_velocity), count))
+    count = terms.shape[1]
+    matrix, own = np.empty((count, count)), np.empty(vectors.shape[1:])
     values, beside = np.empty(count), np.empty(count)
     jumps, velocity, place = np.empty((4, count)), np.empty(count), np.empty(count)
     for query in range(len(decays)):
@@ -179,29 +175,28 @@ def solve_each(terms, factors, decays, starts, sensors, is_velocity, interval, h
             for i in range(count):
                 for j in range(count):
                     matrix[i, j] += factors[query, term] * terms[term, i, j]
-        vectors[0] = starts[query]
-        vectors[1:] = sensors[query]
-        reflect(matrix, values, beside, vectors)
-        rotate(values, beside, vectors)
+        own[:] = vectors[query]
+        reflect(matrix, values, beside, own)
+        rotate(values, beside, own)
         for j in range(count):
             values[j] = max(values[j], 0.0)  # rounding may make it negative
-            velocity[j], place[j] = vectors[0, j], 0.0
+            velocity[j], place[j] = own[0, j], 0.0
             one, two, three, four = jump(values[j], decays[query], interval)
             jumps[0, j], jumps[1, j], jumps[2, j], jumps[3, j] = one, two, three, four
-        for output in range(outputs):
+        for output in range(found.shape[2]):
             energy = 0.0
             for j in range(count):
                 energy += velocity[j] * velocity[j] + values[j] * place[j] * place[j]
-            energies[query, output] = energy / 2
+            found[query, 0, output] = energy / 2
             for sensor in range(len(is_velocity)):
                 sensed = 0.0
                 if is_velocity[sensor]:
                     for j in range(count):
-                        sensed += vectors[1 + sensor, j] * velocity[j]
+                        sensed += own[1 + sensor, j] * velocity[j]
                 else:
                     for j in range(count):
-                        sensed += vectors[1 + sensor, j] * place[j]
-                histories[query, sensor, output] = sensed
+                        sensed += own[1 + sensor, j] * place[j]
+                found[query, 1 + sensor, output] = sensed
             for j in range(count):
                 now = velocity[j]
                 velocity[j] = jumps[0, j] * now + jumps[1, j] * place[j]

@@ -89,18 +89,17 @@ def _fill(survey, asked, points, found):
     folds_not = 2 * begun < FAR**2 * operators.volumes.min() * least
     is_answered = (operators.density.floor(values) > 0) & (decay >= 0) & folds_not
     rows = np.flatnonzero(is_answered)
-    sensors, is_velocity = _sensors(asked, values, (len(points), count))
     starts = combined(started, operators.unit_inertia.start[:, :count])
-    energies = np.empty((rows.size, operators.nominal.error_times.size))
-    histories = np.empty((rows.size, is_velocity.size, energies.shape[1]))
-    each = decay[rows], starts[rows], sensors[rows], histories, energies
-    _solve(operators, modulus[rows] / scale[rows, None], is_velocity, *each)
-    energies *= scale[rows, None]
-    first = 0
+    vectors, is_velocity = _vectors(asked, values, starts)
+    solved = np.empty((rows.size, vectors.shape[1], operators.nominal.error_times.size))
+    moduli = modulus[rows] / scale[rows, None]
+    _solve(operators, moduli, decay[rows], vectors[rows], is_velocity, solved)
+    energies = scale[rows, None] * solved[:, 0]
+    first = 1
     for name, question in asked.items():
         last = first + question.sensor_count
         if question.sensor_count:
-            field = np.swapaxes(histories[:, first:last], 1, 2)
+            field = np.swapaxes(solved[:, first:last], 1, 2)
             found[name][rows] = question.of_sensors(field)
         else:
             found[name][rows] = question.of_energy(energies, begun[rows])
@@ -108,31 +107,28 @@ def _fill(survey, asked, points, found):
     return ~is_answered
 
 
-def _sensors(asked, values, shape):
-    """All sensors (queries, sensors, k), and whether each is one of velocity."""
+def _vectors(asked, values, starts):
+    """Start and sensors of each query (queries, 1 + sensors, k), and which are of velocity."""
     sensing = [question for question in asked.values() if question.sensor_count]
-    each = [question.sensors(values)[:, :, : shape[1]] for question in sensing]
-    is_velocity = [question.asked["field"] == "velocity" for question in sensing]
     counts = [question.sensor_count for question in sensing]
-    sensors = np.empty((shape[0], sum(counts), shape[1]))
-    for first, part in zip(np.cumsum([0, *counts]), each, strict=False):
-        sensors[:, first : first + part.shape[1]] = part
-    return sensors, np.repeat(np.array(is_velocity, bool), counts)
+    is_velocity = [question.asked["field"] == "velocity" for question in sensing]
+    vectors = np.empty((len(starts), 1 + sum(counts), starts.shape[1]))
+    vectors[:, 0], first = starts, 1
+    for question, count in zip(sensing, counts, strict=True):
+        vectors[:, first : first + count] = question.sensors(values)[:, :, : starts.shape[1]]
+        first += count
+    return vectors, np.repeat(np.array(is_velocity, bool), counts)
 
 
-def _solve(operators, modulus, is_velocity, *each):
-    """Fill histories and energies of queries, from their moduli: by terms, or by particles."""
-    interval, count = operators.nominal.error_interval, each[1].shape[1]
-
-    def solve(terms, factors, decays, starts, sensors, histories, energies):
-        oscillators.solve_each(
-            *(terms, factors, decays, starts, sensors, is_velocity, interval, histories, energies)
-        )
-
+def _solve(operators, moduli, decays, vectors, is_velocity, solved):
+    """Solve queries, from their moduli: by terms, or by particles."""
+    interval, count = operators.nominal.error_interval, vectors.shape[2]
     if operators.is_affine:
-        solve(np.ascontiguousarray(operators.stiffnesses[:, :count, :count]), modulus, *each)
+        terms = np.ascontiguousarray(operators.stiffnesses[:, :count, :count])
+        oscillators.solve_each(terms, moduli, decays, vectors, is_velocity, interval, solved)
         return
     strains, once = operators.shapes[1][:count], np.ones((1, 1))
-    for n, field in enumerate(modulus):
-        stiffness = (strains * (operators.volumes * field)) @ strains.T
-        solve(stiffness[None], once, *(array[n : n + 1] for array in each))
+    for n, modulus in enumerate(moduli):
+        stiffness = (strains * (operators.volumes * modulus)) @ strains.T
+        own = decays[n : n + 1], vectors[n : n + 1], is_velocity, interval, solved[n : n + 1]
+        oscillators.solve_each(stiffness[None], once, *own)

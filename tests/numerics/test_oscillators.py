@@ -60,16 +60,12 @@ def test_what_is_no_number_ends_too() -> None:
 
 
 def solved(terms, factors, decays, starts, sensors, is_velocity, outputs=30):
-    histories = np.empty((len(decays), len(is_velocity), outputs))
-    energies = np.empty((len(decays), outputs))
-    oscillators.solve_each(
-        *(np.asarray(each, float) for each in (terms, factors, decays, starts, sensors)),
-        np.array(is_velocity),
-        INTERVAL,
-        histories,
-        energies,
-    )
-    return histories, energies
+    """Histories (queries, sensors, outputs) and energies (queries, outputs)."""
+    found = np.empty((len(decays), 1 + len(is_velocity), outputs))
+    vectors = np.concatenate([np.asarray(starts)[:, None], sensors], axis=1)
+    given = (np.array(each, float) for each in (terms, factors, decays, vectors))
+    oscillators.solve_each(*given, np.array(is_velocity), INTERVAL, found)
+    return found[:, 1:], found[:, 0]
 
 
 def case(seed, count=12, queries=5):
