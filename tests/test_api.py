@@ -154,10 +154,7 @@ def test_a_scene_of_keywords_is_that_of_a_file(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "answer"),
     [
-        (
-            {"dampening": 1},
-            r"dampening = 1: unknown key, did you mean damping\? allowed are .*",
-        ),
+        ({"dampening": 1}, r"dampening = 1: unknown key, did you mean damping\? allowed are .*"),
         ({"particle_count": 40.5}, "particle_count = 40.5: it must be a whole number .*"),
         ({"particle_count": np.int64(3)}, "particle_count = 3: it must be at least 5 .*"),
         ({"duration": float("inf")}, r"duration = \.inf: it must be a number .*"),

@@ -95,10 +95,7 @@ LIFTED_RUNS: dict[str, tuple[str, Look]] = {
             "linestyle": "--",
         },
     ),
-    "lifted_exact": (
-        "lifted POD, exact in time",
-        {"color": GREEN, "marker": "o", "markersize": 3},
-    ),
+    "lifted_exact": ("lifted POD, exact in time", {"color": GREEN, "marker": "o", "markersize": 3}),
 }
 
 

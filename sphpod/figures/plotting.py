@@ -305,12 +305,7 @@ def _draw_picture(
         cmap=colours,
         origin="lower",
         interpolation_stage="data",  # at most 256 colours: a third of the bytes
-        extent=(
-            -half_cell,
-            length + half_cell,
-            -half_step,
-            duration + half_step,
-        ),
+        extent=(-half_cell, length + half_cell, -half_step, duration + half_step),
     )
     axes.set(ylim=(0, duration), ylabel="time t [s]")
     bar = axes.figure.colorbar(picture, ax=axes, label=f"{name} [{unit}]", pad=0.03, aspect=18)
@@ -792,12 +787,7 @@ def draw_bars(
 
 
 def _label_steps(
-    axes: Axes,
-    times: np.ndarray,
-    values: np.ndarray,
-    steps: np.ndarray,
-    colour: str,
-    above: bool,
+    axes: Axes, times: np.ndarray, values: np.ndarray, steps: np.ndarray, colour: str, above: bool
 ) -> None:
     """Write the numbers of frozen steps at their dots, together where dots stand close."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()

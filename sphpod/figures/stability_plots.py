@@ -485,9 +485,7 @@ EXAMPLE: dict[str, tuple[str, Look]] = {
 
 @styled
 def operators(
-    samplings: Mapping[Place, Arrays],
-    random: Mapping[Place, Arrays],
-    runs: Mapping[Place, Arrays],
+    samplings: Mapping[Place, Arrays], random: Mapping[Place, Arrays], runs: Mapping[Place, Arrays]
 ) -> Figure:
     """Draw the largest real parts of reduced operators, and a run of one that grows.
 

@@ -92,14 +92,7 @@ def draw(pairs: Arrays) -> "Figure":
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-    from sphpod.figures.plotting import (
-        BLACK,
-        COLUMN_WIDTH,
-        DIM,
-        GREY,
-        STYLE,
-        UNRESOLVED_LABEL,
-    )
+    from sphpod.figures.plotting import BLACK, COLUMN_WIDTH, DIM, GREY, STYLE, UNRESOLVED_LABEL
 
     ratio = np.maximum(pairs["pair_velocity_ratio"], pairs["pair_density_ratio"])
     with matplotlib.style.context(["default", STYLE]):

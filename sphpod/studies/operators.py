@@ -358,11 +358,7 @@ STUDY = Study(
             compute="studies.operators.of_samplings",
             message="{scene}: spectra of reduced operators, snapshots {sampling}",
             of_sampling=True,
-            reads={
-                "modes": "pod.nc",
-                "energy_modes": "lifted_pod.nc",
-                "snapshots": "snapshots.nc",
-            },
+            reads={"modes": "pod.nc", "energy_modes": "lifted_pod.nc", "snapshots": "snapshots.nc"},
             arguments={"mode_counts": "all_mode_counts"},
             needs=WITHOUT_FREE_ENDS,
             places=sampled,

@@ -183,10 +183,7 @@ def noisy(
     noise = [np.sqrt(np.mean(field**2)) * rng.standard_normal(field.shape) for field in moving]
     for level in noise_levels:
         velocity, strain = (field + level * own for field, own in zip(moving, noise, strict=True))
-        yield {
-            "velocity_snapshots": velocity,
-            "density_snapshots": lifted.density(scene, strain),
-        }
+        yield {"velocity_snapshots": velocity, "density_snapshots": lifted.density(scene, strain)}
 
 
 def judge(

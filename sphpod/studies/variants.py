@@ -89,10 +89,7 @@ STUDY = Study(
     tables={"variants": ("studies.variants.rows", "variants")},
     settings={
         "runs": Setting(
-            dict[
-                str,
-                dict[str, dict[str, float]],
-            ],
+            dict[str, dict[str, dict[str, float]]],
             {},
             description="variants by name, of scenes by name: their particle_count, "
             "smoothing_ratio or time_step",

@@ -91,10 +91,7 @@ def test_a_file_describes_itself(tmp_path):
         assert file.attrs["settings"] == json.dumps(SETTINGS, sort_keys=True)
         assert file.velocity.dims == ("t", "x")
         assert file.velocity.dtype == np.float64
-        assert file.velocity.attrs == {
-            "units": "m s-1",
-            "long_name": "velocity of the particles",
-        }
+        assert file.velocity.attrs == {"units": "m s-1", "long_name": "velocity of the particles"}
         assert "_FillValue" not in file.velocity.encoding
 
 

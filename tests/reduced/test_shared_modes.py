@@ -40,11 +40,7 @@ def close(one, other, tolerance):
 @pytest.mark.parametrize("changes", [{}, VARIED], ids=["uniform", "varied"])
 def test_modes_of_all_particles_give_the_full_model_for_other_parameters(changes) -> None:
     case = scene(particle_count=20, **changes)
-    shared = {
-        "velocity_modes": np.eye(20),
-        "stress_modes": np.eye(20),
-        "translation": np.array(0),
-    }
+    shared = {"velocity_modes": np.eye(20), "stress_modes": np.eye(20), "translation": np.array(0)}
     close(solved(shared_modes.model(case, shared))[0], full(case), 1e-9)
 
 

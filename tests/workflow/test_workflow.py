@@ -768,10 +768,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
         (["--config", "output=/dev/null"], "output = /dev/null: /dev/null is a file; it must be"),
         (["--config", "benchmark={repeats: 0}"], "benchmark.repeats = 0: it must be at least 1"),
         (["--config", "memory=1e-4"], "scene waves: error_interval = 0.01: 101 outputs of 40"),
-        (
-            ["--", "small/results/two_moduli/few/pod.nc"],
-            "scene two_moduli: sampling = few: there",
-        ),
+        (["--", "small/results/two_moduli/few/pod.nc"], "scene two_moduli: sampling = few: there"),
         (
             ["--config", "illustrations=[{kind: spring, name: stability_time_steps}]"],
             "figure = stability_time_steps: this is the name of study time_steps and of kind",
