@@ -696,120 +696,92 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
     assert remade == {path: undisturbed[path] for path in remade}
 
 
+REFUSED_PATHS = {
+    "results/nowhere/sph.nc": "scene = nowhere: allowed are waves, ",
+    "results/waves/nowhen/pod.nc": "scene waves: sampling = nowhen: allowed are un",
+    "results/waves/uniform10/original/k0.nc": "scene waves: modes = 0: ",
+    "results/waves/uniform10/original/k5-3.nc": "scene waves: modes = 5-3: ",
+    "results/waves/uniform10/original/k999.nc": "scene waves: modes = 999: ",
+    "results/waves/uniform10/frozen0/k2.nc": "scene waves: method = frozen0: ",
+    "results/waves/uniform10/lifted_exact/k3+5.nc": (
+        "scene waves: modes = 3+5: lifted models have one number of modes"
+    ),
+    "results/waves/uniform10/original/k11+5.nc": (
+        "scene waves: modes = 11+5: more velocity modes than there are"
+    ),
+    "results/waves/uniform10/frozen2/k3+11.nc": (
+        "scene waves: modes = 3+11: more density modes than there are"
+    ),
+    "results/graded/reference_exact.nc": "scene graded: reference = exact: allowed",
+    "results/graded/random12/cpu_time.nc": "scene graded: acceleration = random12: ",
+    "results/waves/uniform10/lifted_fast/k2.nc": (
+        "scene waves: method = lifted_fast: allowed are original, linearized, frozen1"
+    ),
+    "results/waves/uniform10/lifted_exact/tolx.nc": (
+        "scene waves: tolerance = x: it must be a number above 0 and below 1, such as 1e-2"
+    ),
+    "results/waves/uniform10/lifted_exact/tol2.nc": (
+        "scene waves: tolerance = 2: it must be a number above 0 and below 1"
+    ),
+    "results/waves/uniform10/lifted_euler/tol1e-2.nc": (
+        "scene waves: method = lifted_euler: did you mean lifted_exact? allowed are lifted_"
+    ),
+    "results/graded/random12/benchmark.nc": "scene graded: acceleration = random12: ",
+    "results/graded/scaling.nc": "scene = graded: this needs one without damping, force or layers",
+    "figures/nothing.pdf": "figure = nothing: allowed are ",
+    "results/damped_forced/growth.nc": (
+        "scene = damped_forced: this needs one without damping, force and start"
+    ),
+    "results/waves/uniform10/long_run/k11.nc": (
+        "scene waves: modes = 11: more modes than the larger snapshot set of sampling"
+    ),
+    "results/two_moduli/few/pod.nc": "scene two_moduli: sampling = few: there",
+    "results/damped_forced/few/lifted_exact/k6.nc": (
+        "scene damped_forced: modes = 6: more modes than the larger snapshot set of sampling "
+        "few holds; allowed are 1 to 5"
+    ),
+    "results/waves/uniform10/frozen9999999999999999/k2.nc": (
+        "scene waves: method = frozen9999999999999999: allowed are original"
+    ),
+    "results/claim.csv": "results: file = claim.csv: did you mean claims.csv?",
+    "results/waves/errorss.nc": "results/waves: file = errorss.nc: did you mean errors.nc?",
+    "results/waves/pod.nc": (
+        "file = results/waves/pod.nc: there is one in each results/waves/{sampling}"
+    ),
+    "results/waves/uniform10/podd.nc": (
+        "results/waves/uniform10: file = podd.nc: did you mean pod.nc?"
+    ),
+    "results/waves/uniform10/original/m2.nc": (
+        "results/waves/uniform10/original: file = m2.nc: allowed are k{modes}.nc, tol"
+    ),
+    "figures/waves_profile.svg": "figure = waves_profile.svg: did you mean waves_profile.pdf?",
+}
+
+REFUSED_SETTINGS = {
+    "scenes={waves: {time_step: 0}}": "scene waves: time_step = 0: ",
+    "output=/": "output = /: ",
+    "output=Snakefile": "output = Snakefile: Snakefile is a file; it must be",
+    "output=Snakefile/x": "output = Snakefile/x: Snakefile is a file",
+    "output=/dev/null": "output = /dev/null: /dev/null is a file; it must be",
+    "benchmark={repeats: 0}": "benchmark.repeats = 0: it must be at least 1",
+    "memory=1e-4": "scene waves: error_interval = 0.01: 101 outputs of 40",
+    "illustrations=[{kind: spring, name: stability_time_steps}]": (
+        "figure = stability_time_steps: this is the name of study time_steps and of kind"
+    ),
+    "illustrations=[{kind: spring, name: benchmark_scaling}]": (
+        "figure = benchmark_scaling: this is the name of study scaling and of kind"
+    ),
+}
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--", "small/results/nowhere/sph.nc"], "scene = nowhere: allowed are waves, "),
-        (
-            ["--", "small/results/waves/nowhen/pod.nc"],
-            "scene waves: sampling = nowhen: allowed are un",
-        ),
-        (["--", "small/results/waves/uniform10/original/k0.nc"], "scene waves: modes = 0: "),
-        (["--", "small/results/waves/uniform10/original/k5-3.nc"], "scene waves: modes = 5-3: "),
-        (["--", "small/results/waves/uniform10/original/k999.nc"], "scene waves: modes = 999: "),
-        (["--", "small/results/waves/uniform10/frozen0/k2.nc"], "scene waves: method = frozen0: "),
-        (
-            ["--", "small/results/waves/uniform10/lifted_exact/k3+5.nc"],
-            "scene waves: modes = 3+5: lifted models have one number of modes",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/original/k11+5.nc"],
-            "scene waves: modes = 11+5: more velocity modes than there are",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/frozen2/k3+11.nc"],
-            "scene waves: modes = 3+11: more density modes than there are",
-        ),
-        (
-            ["--", "small/results/graded/reference_exact.nc"],
-            "scene graded: reference = exact: allowed",
-        ),
-        (
-            ["--", "small/results/graded/random12/cpu_time.nc"],
-            "scene graded: acceleration = random12: ",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/lifted_fast/k2.nc"],
-            "scene waves: method = lifted_fast: allowed are original, linearized, frozen1",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/lifted_exact/tolx.nc"],
-            "scene waves: tolerance = x: it must be a number above 0 and below 1, such as 1e-2",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/lifted_exact/tol2.nc"],
-            "scene waves: tolerance = 2: it must be a number above 0 and below 1",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/lifted_euler/tol1e-2.nc"],
-            "scene waves: method = lifted_euler: did you mean lifted_exact? allowed are lifted_",
-        ),
-        (
-            ["--", "small/results/graded/random12/benchmark.nc"],
-            "scene graded: acceleration = random12: ",
-        ),
-        (
-            ["--", "small/results/graded/scaling.nc"],
-            "scene = graded: this needs one without damping, force or layers",
-        ),
-        (["--", "small/figures/nothing.pdf"], "figure = nothing: allowed are "),
-        (
-            ["--", "small/results/damped_forced/growth.nc"],
-            "scene = damped_forced: this needs one without damping, force and start",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/long_run/k11.nc"],
-            "scene waves: modes = 11: more modes than the larger snapshot set of sampling",
-        ),
-        (["--config", "scenes={waves: {time_step: 0}}"], "scene waves: time_step = 0: "),
-        (["--config", "output=/"], "output = /: "),
-        (["--config", "output=Snakefile"], "output = Snakefile: Snakefile is a file; it must be"),
-        (["--config", "output=Snakefile/x"], "output = Snakefile/x: Snakefile is a file"),
-        (["--config", "output=/dev/null"], "output = /dev/null: /dev/null is a file; it must be"),
-        (["--config", "benchmark={repeats: 0}"], "benchmark.repeats = 0: it must be at least 1"),
-        (["--config", "memory=1e-4"], "scene waves: error_interval = 0.01: 101 outputs of 40"),
-        (["--", "small/results/two_moduli/few/pod.nc"], "scene two_moduli: sampling = few: there"),
-        (
-            ["--config", "illustrations=[{kind: spring, name: stability_time_steps}]"],
-            "figure = stability_time_steps: this is the name of study time_steps and of kind",
-        ),
-        (
-            ["--config", "illustrations=[{kind: spring, name: benchmark_scaling}]"],
-            "figure = benchmark_scaling: this is the name of study scaling and of kind",
-        ),
-        (
-            ["--", "small/results/damped_forced/few/lifted_exact/k6.nc"],
-            "scene damped_forced: modes = 6: more modes than the larger snapshot set of sampling "
-            "few holds; allowed are 1 to 5",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/frozen9999999999999999/k2.nc"],
-            "scene waves: method = frozen9999999999999999: allowed are original",
-        ),
-        (["--", "small/results/claim.csv"], "results: file = claim.csv: did you mean claims.csv?"),
-        (
-            ["--", "small/results/waves/errorss.nc"],
-            "results/waves: file = errorss.nc: did you mean errors.nc?",
-        ),
-        (
-            ["--", "small/results/waves/pod.nc"],
-            "file = results/waves/pod.nc: there is one in each results/waves/{sampling}",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/podd.nc"],
-            "results/waves/uniform10: file = podd.nc: did you mean pod.nc?",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/original/m2.nc"],
-            "results/waves/uniform10/original: file = m2.nc: allowed are k{modes}.nc, tol",
-        ),
-        (
-            ["--", "small/figures/waves_profile.svg"],
-            "figure = waves_profile.svg: did you mean waves_profile.pdf?",
-        ),
+        *((["--", f"small/{path}"], sentence) for path, sentence in REFUSED_PATHS.items()),
         (["--", "liftd"], "target = liftd: did you mean lifted?"),
+        *((["--config", text], sentence) for text, sentence in REFUSED_SETTINGS.items()),
     ],
-    ids=lambda value: value[-1] if isinstance(value, list) else "",
+    ids=[*REFUSED_PATHS, "liftd", *REFUSED_SETTINGS],
 )
 def test_bad_input_stops_before_any_job(built, arguments, sentence):
     run = snakemake(built, *arguments)
