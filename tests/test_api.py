@@ -24,17 +24,7 @@ from sphpod.pipeline.dataset import VARIABLES
 from sphpod.reduced import certificate, lifted_rom, pod, rom, rounding, snapshots
 
 ROOT = Path(__file__).parents[1]
-SETTINGS = {
-    "domain_length": 1,
-    "duration": 1,
-    "initial_velocity": scenes.WAVE,
-    "initial_density": 1,
-    "youngs_modulus": 0.1,
-    "particle_count": 40,
-    "smoothing_ratio": 1.04,
-    "time_step": 1e-3,
-    "error_interval": 0.01,
-}
+SETTINGS = scenes.settings()
 VARIED = {key: value for key, value in SETTINGS.items() if key not in scenes.VARIED} | scenes.VARIED
 SAMPLING = {"range": [0, 0.8], "count": 12}
 

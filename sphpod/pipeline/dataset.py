@@ -3,6 +3,8 @@
 In memory a dataset is a plain ``dict`` of numpy arrays; `VARIABLES` says what each name
 means. Files are written whole or not at all, the same arrays and attributes always give the same
 bytes, and a file is only read if its bytes are those that were written.
+
+Long, as a third of it is the table of what names mean.
 """
 
 import errno

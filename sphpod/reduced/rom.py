@@ -22,7 +22,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, islice
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -139,6 +139,7 @@ class ReducedModel:
         decay, damping, amplitudes, push = self._project_forces(dt, steps[-1])
         forces = decay, _padded(damping.T, both=True), amplitudes, _padded(push.T).T.copy()
         on_particles = _padded(stretch), _padded(density_modes)
+        operators: tuple[Any, ...]
         if n_freeze == 0:
             if stiffening[0].size:
                 pull = of_stress

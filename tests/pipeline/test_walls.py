@@ -70,15 +70,6 @@ def before():
     return digest()
 
 
-@pytest.fixture
-def package(tmp_path, monkeypatch):
-    """A copy of the package to edit."""
-    copy = tmp_path / "sphpod"
-    shutil.copytree(provenance.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(provenance, "PACKAGE", copy)
-    return copy
-
-
 @pytest.mark.parametrize("edit", EDITS)
 def test_it_makes_nothing_anew(before, package, edit):
     place, old, new = EDITS[edit]

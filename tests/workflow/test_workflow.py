@@ -6,7 +6,6 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import time
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import runs
 import xarray as xr
 import yaml
 
@@ -37,20 +37,9 @@ LIFTED = {"lifted_full", "lifted_pod", "lifted_model", "thresholds", "table", "p
 MEASURED = {"benchmark", "scaling", "skipping"}
 
 
-def command(*arguments):
-    return [sys.executable, "-m", "snakemake", "--cores", "2", *map(str, arguments)]
-
-
 def snakemake(folder, *arguments, **environment):
     """Run Snakemake on config/small.yaml in a copy of the project."""
-    return subprocess.run(
-        command("--configfile", "config/small.yaml", *arguments),
-        cwd=folder,
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return runs.run(folder, "--configfile", "config/small.yaml", *arguments, **environment)
 
 
 def copy_of_project(folder, original=ROOT):
@@ -168,35 +157,24 @@ def test_modes_that_are_borrowed_are_made_of_the_lenders_and_made_anew_with_them
     targets = [
         f"borrowed/results/between/both/{method}/k6.nc" for method in ("original", "lifted_exact")
     ]
-    run = subprocess.run(
-        command(*config, "--", *targets), cwd=built, capture_output=True, text=True, check=False
-    )
+    run = runs.run(built, *config, "--", *targets)
     assert run.returncode == 0, run.stderr
     lifted = dataset.read(built / targets[1])
     assert 0 < lifted["energy_error_lifted"] <= lifted["energy_error_bound"] < 0.1
     changed = ["--config", "scenes={hard: {samplings: {uniform10: {count: 9}}}}"]
-    run = subprocess.run(
-        command("--dry-run", *config, *changed, "--", *targets),
-        cwd=built, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    run = runs.run(built, "--dry-run", *config, *changed, "--", *targets)
     table = run.stdout.partition("Job stats:")[2].partition("total")[0]
     assert set(re.findall(r"^(\w+) +\d+$", table, re.MULTILINE)) == {
         "sph", "snapshots", "pod", "lifted_pod", "reduced_model", "lifted_model",
     }  # fmt: skip
-    run = subprocess.run(
-        command("--dry-run", *config, "--", "borrowed/results/between/both/snapshots.nc"),
-        cwd=built, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    run = runs.run(built, "--dry-run", *config, "--", "borrowed/results/between/both/snapshots.nc")
     assert (
         "sampling = both: it has no snapshots of its own; its modes are of those of" in run.stderr
     )
     # Studies leave out what they have no snapshots of.
     settings["stability"] = {"stability_map": {"between": "both"}, "smoothing_ratios": [1.04, 1.2]}
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings))
-    run = subprocess.run(
-        command("--dry-run", *config, "--", "all", "lifted", "stability", "benchmarks"),
-        cwd=built, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    run = runs.run(built, "--dry-run", *config, "--", "all", "lifted", "stability", "benchmarks")
     said = run.stdout + run.stderr
     assert run.returncode == 0, said
     assert "between/both/mode_map.nc" in said
@@ -676,7 +654,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
     for finished_jobs in (1, 4):
         with log.open("w") as output:
             run = subprocess.Popen(
-                command("--configfile", "config/small.yaml", "--", *targets),
+                runs.command("--configfile", "config/small.yaml", "--", *targets),
                 cwd=folder,
                 stdout=output,
                 stderr=output,
@@ -816,7 +794,7 @@ def test_figures_of_scenes_and_samplings_whose_joined_names_are_one_have_two(
     settings = {"output": "own", "scenes": scenes, "stability": stability}
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings, sort_keys=False))
     config = ["--dry-run", "--configfile", str(tmp_path / "own.yaml"), "--", target]
-    run = subprocess.run(command(*config), cwd=built, capture_output=True, text=True, check=False)
+    run = runs.run(built, *config)
     said = run.stdout + run.stderr
     assert run.returncode == 0, said
     figures = set(re.findall(r"own/figures/([\w-]+)\.pdf", said))
@@ -849,10 +827,7 @@ def test_captions_and_sections_of_a_report_are_text(built, tmp_path):
     folder = tmp_path / "text.yaml"
     folder.write_text(yaml.safe_dump({"output": "text", "scenes": own}))
     for more in ([], ["--report", "text.html"]):
-        run = subprocess.run(
-            command("--configfile", str(folder), *more),
-            cwd=built, capture_output=True, text=True, check=False,
-        )  # fmt: skip
+        run = runs.run(built, "--configfile", str(folder), *more)
         assert run.returncode == 0, run.stderr
     report = (built / "text.html").read_text()
     assert ".. include:: /etc/passwd .. raw:: html &lt;script&gt;alert(1)" in report
@@ -879,7 +854,7 @@ rule mine:
     shell: "echo {{input}} > {{output}}"
 '''
     )
-    run = subprocess.run(command(), cwd=tmp_path, capture_output=True, text=True, check=False)
+    run = runs.run(tmp_path)
     assert run.returncode == 0, run.stderr
     theirs, ours = (
         dataset.read(root / "small/results/waves/errors.nc") for root in (tmp_path, built)
@@ -946,10 +921,7 @@ def test_an_output_that_cannot_be_made_is_refused_before_any_job(built):
     settings = yaml.safe_load((built / "config/small.yaml").read_text()) | {"output": "/proc/x"}
     path = built / "nowhere.yaml"
     path.write_text(yaml.safe_dump({key: settings[key] for key in ("output", "scenes")}))
-    run = subprocess.run(
-        command("--configfile", str(path), "--", "/proc/x/results/waves/sph.nc"),
-        cwd=built, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    run = runs.run(built, "--configfile", str(path), "--", "/proc/x/results/waves/sph.nc")
     assert "sphpod: output = /proc/x: this folder cannot be made (" in run.stderr
     assert "Traceback" not in run.stderr
 
