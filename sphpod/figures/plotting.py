@@ -8,7 +8,7 @@ Long: one function for each kind of figure, and the scales and marks that all of
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from matplotlib.colors import (
     ListedColormap,
     Normalize,
 )
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.gridspec import GridSpec
 from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
@@ -74,6 +74,10 @@ WORST_ERROR = 1e3
 BREAKDOWN_NOTE = "top edge: error above 10³, or broken down"
 
 UNRESOLVED_LABEL = "modes near rounding"
+
+WHITE_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+NOTE: Look = {"color": DIM, "fontsize": SMALL, "zorder": 2, "bbox": WHITE_BOX}
+"""Look of a text beside what is drawn."""
 
 FIELDS = ("velocity", "density")
 
@@ -611,6 +615,21 @@ def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> N
         # No grey: the modes near rounding, which it may cross, are.
         dots: Look = {"color": GREEN, "linewidth": 1.2, "linestyle": (0, (1, 0.7))}
         axes.axvline(k, label=f"k = {k}: POD error below SPH's", zorder=0.5, **dots)
+
+
+def add_legend(
+    figure: Figure | SubFigure, panels: Iterable[Axes], columns: int = 2, title: str | None = None
+) -> None:
+    """Put one legend below, of what the panels label, each once."""
+    # A scene may have the name of something else, but not its colour.
+    labelled = {
+        (label, str(artist.properties().get("color", artist.properties().get("facecolor")))): artist
+        for axes in panels
+        for artist, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    columns = min(columns, len(labelled))
+    labels = [label for label, _ in labelled]
+    figure.legend(labelled.values(), labels, loc="outside lower center", ncols=columns, title=title)
 
 
 def mark_breakdown(axes: Axes, places: np.ndarray, look: Look) -> None:
