@@ -89,28 +89,13 @@ CHECK_PYTHON = $(PYTHON) -c 'import os, sys; sys.exit("Python 3.11 or newer is n
 	$(BIN)/pip install --quiet --disable-pip-version-check --requirement environment.txt
 	touch $@
 
-# That of the checkers of text
-.venv-lint/ready: environment-lint.txt
+# Those of the checkers of text, of what describes a deposit, and of the site, whose pages of functions
+# and figures come from the package
+.venv-%/ready: environment-%.txt
 	@$(CHECK_PYTHON)
-	rm -rf .venv-lint
-	$(PYTHON) -m venv .venv-lint
-	$(LINT)/pip install --quiet --disable-pip-version-check --requirement environment-lint.txt
-	touch $@
-
-# That of what describes a deposit
-.venv-deposit/ready: environment-deposit.txt
-	@$(CHECK_PYTHON)
-	rm -rf .venv-deposit
-	$(PYTHON) -m venv .venv-deposit
-	$(CRATE)/pip install --quiet --disable-pip-version-check --requirement environment-deposit.txt
-	touch $@
-
-# That of the site, whose pages of functions and figures come from the package
-.venv-docs/ready: environment-docs.txt
-	@$(CHECK_PYTHON)
-	rm -rf .venv-docs
-	$(PYTHON) -m venv .venv-docs
-	$(SITE)/pip install --quiet --disable-pip-version-check --requirement environment-docs.txt
+	rm -rf $(@D)
+	$(PYTHON) -m venv $(@D)
+	$(@D)/bin/pip install --quiet --disable-pip-version-check --requirement $<
 	touch $@
 
 # That of the other tools; PySPH needs a compiler, and is left out where it cannot be built

@@ -45,11 +45,7 @@ def of_study(word, study):
         each = "_{scene}_{sampling}" if study.drawing.places else ""
         caption = study.drawing.caption.replace(": {scene}, snapshots {sampling}", "")
         files.append(
-            (
-                f"`../figures/{'_'.join(figure_parts(word, study))}{each}.pdf`",
-                caption,
-                "`figure`",
-            )
+            (f"`../figures/{'_'.join(figure_parts(word, study))}{each}.pdf`", caption, "`figure`")
         )
     variables = [
         (f"`{name}`", f"({', '.join(meaning.dims)})", meaning.units, meaning.long_name)

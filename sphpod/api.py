@@ -64,10 +64,7 @@ def solve_sph(scene: Scene) -> "xarray.Dataset":
 
 
 def solve_lifted(
-    scene: Scene,
-    integrator: str = "exact",
-    time_step: float | None = None,
-    tolerance: float = 1e-8,
+    scene: Scene, integrator: str = "exact", time_step: float | None = None, tolerance: float = 1e-8
 ) -> "xarray.Dataset":
     """Full SPH in velocity and strain e = ρ0/ρ - 1, in which it is linear (`sphpod.full.lifted`).
 

@@ -24,17 +24,7 @@ from sphpod.pipeline.dataset import VARIABLES
 from sphpod.reduced import certificate, lifted_rom, pod, rom, rounding, snapshots
 
 ROOT = Path(__file__).parents[1]
-SETTINGS = {
-    "domain_length": 1,
-    "duration": 1,
-    "initial_velocity": scenes.WAVE,
-    "initial_density": 1,
-    "youngs_modulus": 0.1,
-    "particle_count": 40,
-    "smoothing_ratio": 1.04,
-    "time_step": 1e-3,
-    "error_interval": 0.01,
-}
+SETTINGS = scenes.settings()
 VARIED = {key: value for key, value in SETTINGS.items() if key not in scenes.VARIED} | scenes.VARIED
 SAMPLING = {"range": [0, 0.8], "count": 12}
 
@@ -154,10 +144,7 @@ def test_a_scene_of_keywords_is_that_of_a_file(tmp_path):
 @pytest.mark.parametrize(
     ("changes", "answer"),
     [
-        (
-            {"dampening": 1},
-            r"dampening = 1: unknown key, did you mean damping\? allowed are .*",
-        ),
+        ({"dampening": 1}, r"dampening = 1: unknown key, did you mean damping\? allowed are .*"),
         ({"particle_count": 40.5}, "particle_count = 40.5: it must be a whole number .*"),
         ({"particle_count": np.int64(3)}, "particle_count = 3: it must be at least 5 .*"),
         ({"duration": float("inf")}, r"duration = \.inf: it must be a number .*"),

@@ -168,8 +168,7 @@ class Claim(Section):
         "default 0",
     )
     erratum: int = left_out(
-        ge=1,
-        description="number of the erratum without which the paper's number is not reproduced",
+        ge=1, description="number of the erratum without which the paper's number is not reproduced"
     )
     criterion: Annotated[
         Annotated[Criterion, Tag("<mapping>")]

@@ -6,13 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, create_model
 
 from sphpod.config.claim_section import Claim
-from sphpod.config.fields import (
-    FigureName,
-    SceneName,
-    Section,
-    Unique,
-    left_out,
-)
+from sphpod.config.fields import FigureName, SceneName, Section, Unique, left_out
 from sphpod.config.scene_section import Scene
 from sphpod.config.stability_section import Stability
 from sphpod.config.survey_section import Survey

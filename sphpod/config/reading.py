@@ -26,10 +26,7 @@ MOST_ENTRIES = 200_000
 """Keys and values of a file, its aliases written out."""
 
 
-MARKS = {
-    "UTF-32": (b"\xff\xfe\0\0", b"\0\0\xfe\xff"),
-    "UTF-16": (b"\xff\xfe", b"\xfe\xff"),
-}
+MARKS = {"UTF-32": (b"\xff\xfe\0\0", b"\0\0\xfe\xff"), "UTF-16": (b"\xff\xfe", b"\xfe\xff")}
 """What files in other encodings begin with."""
 
 

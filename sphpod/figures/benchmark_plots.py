@@ -27,6 +27,7 @@ from sphpod.figures.plotting import (
     GREY,
     NAMES,
     NAVY,
+    NOTE,
     ORANGE,
     PALE,
     PURPLE,
@@ -36,6 +37,7 @@ from sphpod.figures.plotting import (
     WORST_ERROR,
     Arrays,
     Look,
+    add_legend,
     draw_bars,
     mark_breakdown,
     scale_log,
@@ -95,10 +97,7 @@ LIFTED_RUNS: dict[str, tuple[str, Look]] = {
             "linestyle": "--",
         },
     ),
-    "lifted_exact": (
-        "lifted POD, exact in time",
-        {"color": GREEN, "marker": "o", "markersize": 3},
-    ),
+    "lifted_exact": ("lifted POD, exact in time", {"color": GREEN, "marker": "o", "markersize": 3}),
 }
 
 
@@ -277,14 +276,7 @@ def _draw_fastest(axes: Axes, benchmark: Arrays, kinds: Sequence[Kind]) -> None:
     scale_log(axes.xaxis, quartiles[::2].ravel())
     middle = np.sqrt(np.prod(axes.get_xlim()))
     key = axes.get_yaxis_transform() + ScaledTranslation(-7 / 72, 0, axes.figure.dpi_scale_trans)
-    box = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
-    text: Look = {
-        "va": "center_baseline",
-        "color": DIM,
-        "fontsize": SMALL,
-        "zorder": 2,
-        "bbox": box,
-    }
+    text: Look = {"va": "center_baseline", **NOTE}
     for height, kind in enumerate(kinds):
         look = {**kind.look, "linestyle": ""}
         axes.plot(0, height, transform=key, clip_on=False, **look)
@@ -479,12 +471,7 @@ def scaling(scaling: Arrays) -> Figure:
         axes.set(xlabel=over, ylabel=name)
         fixed = "N" if over.endswith("k") else "k"
         axes.set_title(f"reduced models: {fixed} = {usual[fixed]}", loc="right")
-    handles = {
-        label: handle
-        for axes in figure.axes
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    figure.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=2)
+    add_legend(figure, figure.axes)
     figure.draw_without_rendering()
     for axes, (_, _, _, guides) in zip(every, panels, strict=True):
         _label_guides(axes, guides)

@@ -8,7 +8,7 @@ Long: one function for each kind of figure, and the scales and marks that all of
 """
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import cycle
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ from matplotlib.colors import (
     ListedColormap,
     Normalize,
 )
-from matplotlib.figure import Figure
+from matplotlib.figure import Figure, SubFigure
 from matplotlib.gridspec import GridSpec
 from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
@@ -74,6 +74,10 @@ WORST_ERROR = 1e3
 BREAKDOWN_NOTE = "top edge: error above 10³, or broken down"
 
 UNRESOLVED_LABEL = "modes near rounding"
+
+WHITE_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
+NOTE: Look = {"color": DIM, "fontsize": SMALL, "zorder": 2, "bbox": WHITE_BOX}
+"""Look of a text beside what is drawn."""
 
 FIELDS = ("velocity", "density")
 
@@ -305,12 +309,7 @@ def _draw_picture(
         cmap=colours,
         origin="lower",
         interpolation_stage="data",  # at most 256 colours: a third of the bytes
-        extent=(
-            -half_cell,
-            length + half_cell,
-            -half_step,
-            duration + half_step,
-        ),
+        extent=(-half_cell, length + half_cell, -half_step, duration + half_step),
     )
     axes.set(ylim=(0, duration), ylabel="time t [s]")
     bar = axes.figure.colorbar(picture, ax=axes, label=f"{name} [{unit}]", pad=0.03, aspect=18)
@@ -618,6 +617,21 @@ def _draw_errors(axes: Axes, sweep: Arrays, errors: Arrays, reference: str) -> N
         axes.axvline(k, label=f"k = {k}: POD error below SPH's", zorder=0.5, **dots)
 
 
+def add_legend(
+    figure: Figure | SubFigure, panels: Iterable[Axes], columns: int = 2, title: str | None = None
+) -> None:
+    """Put one legend below, of what the panels label, each once."""
+    # A scene may have the name of something else, but not its colour.
+    labelled = {
+        (label, str(artist.properties().get("color", artist.properties().get("facecolor")))): artist
+        for axes in panels
+        for artist, label in zip(*axes.get_legend_handles_labels(), strict=True)
+    }
+    columns = min(columns, len(labelled))
+    labels = [label for label, _ in labelled]
+    figure.legend(labelled.values(), labels, loc="outside lower center", ncols=columns, title=title)
+
+
 def mark_breakdown(axes: Axes, places: np.ndarray, look: Look) -> None:
     """Put markers on the top edge, where there is no finite error to draw."""
     if len(places):
@@ -792,12 +806,7 @@ def draw_bars(
 
 
 def _label_steps(
-    axes: Axes,
-    times: np.ndarray,
-    values: np.ndarray,
-    steps: np.ndarray,
-    colour: str,
-    above: bool,
+    axes: Axes, times: np.ndarray, values: np.ndarray, steps: np.ndarray, colour: str, above: bool
 ) -> None:
     """Write the numbers of frozen steps at their dots, together where dots stand close."""
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()

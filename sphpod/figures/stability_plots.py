@@ -32,15 +32,16 @@ from sphpod.figures.plotting import (
     GREY,
     NAMES,
     NAVY,
+    NOTE,
     ORANGE,
     PALE,
     PURPLE,
     SKY,
-    SMALL,
     VERMILLION,
     WORST_ERROR,
     Arrays,
     Look,
+    add_legend,
     mark_breakdown,
     scale_log,
     shortened,
@@ -90,8 +91,6 @@ SCENE_LOOKS: tuple[Look, ...] = (
 Place = tuple[str, ...]
 """Where a table comes from: a scene, or a scene and a sampling of it."""
 
-WHITE_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
-NOTE: Look = {"color": DIM, "fontsize": SMALL, "zorder": 2, "bbox": WHITE_BOX}
 PREDICTED: Look = {"markersize": 6.5, "fillstyle": "none"}
 MEASURED: Look = {"markersize": 3}
 
@@ -239,23 +238,8 @@ def stability_map(damping: Arrays, modes: Arrays) -> Figure:
     for axes in full:
         axes.set_ylabel("time step Δt [s]")
     _add_growth_bar(figure, mesh, norm)
-    _add_legend(figure, full, title=DRIFT_NOTE if "original" in modes["contender"] else None)
+    add_legend(figure, full, title=DRIFT_NOTE if "original" in modes["contender"] else None)
     return figure
-
-
-def _add_legend(
-    figure: Figure | SubFigure, panels: Iterable[Axes], columns: int = 2, title: str | None = None
-) -> None:
-    """Put one legend below, of what the panels label, each once."""
-    # A scene may have the name of something else, but not its colour.
-    labelled = {
-        (label, str(artist.properties().get("color", artist.properties().get("facecolor")))): artist
-        for axes in panels
-        for artist, label in zip(*axes.get_legend_handles_labels(), strict=True)
-    }
-    columns = min(columns, len(labelled))
-    labels = [label for label, _ in labelled]
-    figure.legend(labelled.values(), labels, loc="outside lower center", ncols=columns, title=title)
 
 
 def _growth_norm(growth: np.ndarray) -> AsinhNorm:
@@ -374,7 +358,7 @@ def growth(scenes: Mapping[Place, Arrays]) -> Figure:
     for kind, size in zip(PAIR, (PREDICTED, MEASURED), strict=True):
         panels[0].plot([], [], "o", color=DIM, label=kind, **size)
     _draw_drifts(panels[-1], scenes)
-    _add_legend(figure, panels, 3)
+    add_legend(figure, panels, 3)
     return figure
 
 
@@ -485,9 +469,7 @@ EXAMPLE: dict[str, tuple[str, Look]] = {
 
 @styled
 def operators(
-    samplings: Mapping[Place, Arrays],
-    random: Mapping[Place, Arrays],
-    runs: Mapping[Place, Arrays],
+    samplings: Mapping[Place, Arrays], random: Mapping[Place, Arrays], runs: Mapping[Place, Arrays]
 ) -> Figure:
     """Draw the largest real parts of reduced operators, and a run of one that grows.
 
@@ -524,7 +506,7 @@ def operators(
     broken = _draw_growth_rates(panels, samplings, looks)
     for scene, look in looks.items():
         panels[0].plot([], [], label=_words(scene), **look)
-    _add_legend(upper, panels, 2, "top edge: not finite" if broken else None)
+    add_legend(upper, panels, 2, "top edge: not finite" if broken else None)
     if random:
         _draw_random(next(parts), random, looks)
     if runs:
@@ -609,7 +591,7 @@ def _draw_random(
     axes.set_title(f"{count} random bases", loc="left")
     for label, line in (("Euclidean modes", "-"), ("energy modes", ":")):
         axes.plot([], [], color=DIM, linestyle=line, label=label)
-    _add_legend(figure, [axes])
+    add_legend(figure, [axes])
 
 
 def _draw_runs(figure: SubFigure, runs: Mapping[Place, Arrays]) -> None:
@@ -635,7 +617,7 @@ def _draw_runs(figure: SubFigure, runs: Mapping[Place, Arrays]) -> None:
         kind = f"POD modes of {sampling[0]}" if sampling else "random modes"
         axes.set_title(f"{_words(scene)}, {kind}: energy", loc="left")
     panels[-1].set_xlabel("time t [s]")
-    _add_legend(figure, panels[:1], 2, "top edge: broken down" if broken else None)
+    add_legend(figure, panels[:1], 2, "top edge: broken down" if broken else None)
 
 
 # --- Smoothing ------------------------------------------------------------------------------------
@@ -697,7 +679,7 @@ def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     for axes in panels:
         _scale_ratios(axes, np.append(ratios, own), own)
     panels[-1].set_xlabel("smoothing ratio α = h/Δx")
-    _add_legend(figure, panels[2:], 2, BREAKDOWN_NOTE if any(broken) else None)
+    add_legend(figure, panels[2:], 2, BREAKDOWN_NOTE if any(broken) else None)
     return figure
 
 
@@ -828,7 +810,7 @@ def amplitude(amplitude: Arrays) -> Figure:
         title += f"\nshaded: J ≤ 0 in full SPH, from {shortened(folding)} v₀"
     if broken:
         title += f"\n{BREAKDOWN_NOTE}"
-    _add_legend(figure, panels, 2, title)
+    add_legend(figure, panels, 2, title)
     return figure
 
 
@@ -898,7 +880,7 @@ def poor_snapshots(snapshots: Arrays) -> Figure:
     broken = _draw_noise(panels[0], snapshots)
     broken |= _draw_defects(panels[1], snapshots, outcomes, lines)
     note = "top or right edge: above 10³ or not finite" if broken else None
-    _add_legend(upper, panels, 2, note)
+    add_legend(upper, panels, 2, note)
     return figure
 
 
@@ -1042,7 +1024,7 @@ def time_steps(tables: Mapping[Place, Arrays]) -> Figure:
     for label, size in QUANTITIES.values():
         axes.plot([], [], "o", color=DIM, label=label, **size)
     axes.axvline(CLOSE, color=DIM, linewidth=0.8, linestyle="--", label="1 %")
-    _add_legend(figure, [axes], 2)
+    add_legend(figure, [axes], 2)
     return figure
 
 

@@ -21,8 +21,7 @@ import numpy as np
 from sphpod.full.sph import State, change, wrap
 from sphpod.numerics.compiled import compiled
 from sphpod.numerics.course import Course, spans
-from sphpod.scene.kernel import stencil_weights
-from sphpod.scene.scene import ABSENT, Scene
+from sphpod.scene.scene import Scene
 from sphpod.scene.waves import fastest_wave
 
 ORDER = 4
@@ -36,9 +35,6 @@ where damping is faster."""
 
 WITNESSES = 512
 """Outputs at which solutions with long and short steps are compared."""
-
-NO_LISTS = np.zeros(0, np.uint64), np.zeros(0, np.uint64), ABSENT
-"""Stands for the neighbour lists that evenly spaced particles do not need."""
 
 EDGES = 2**16
 """Ends of polynomials of coefficients and force at which steps end, if they are not more."""
@@ -187,11 +183,7 @@ class Stepped:
 
     def _march(self, velocity, strain, functions, steps, watch):
         scene = self.scene
-        weights, geometry = ABSENT, NO_LISTS
-        if scene.is_even:
-            weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
-        else:
-            geometry = scene.neighbour_lists()
+        weights, geometry = scene.neighbours()
         # Means may lie a little beyond the coefficients themselves.
         largest = 1.2 * fastest_wave(scene) + scene.damping_range()[1]
         terms = series_terms(0.55 * steps[0].max() * largest)

@@ -24,7 +24,7 @@ from functools import partial
 
 import numpy as np
 
-from sphpod.full.coefficients_in_time import NO_LISTS, Stepped
+from sphpod.full.coefficients_in_time import Stepped
 from sphpod.full.sph import (
     SOUND,
     State,
@@ -216,11 +216,7 @@ def _fixed_step(scene, integrator, dt, begin):
         keep = 1 - dt * damping if explicit else np.exp(-dt * damping)
         gain = gain if explicit else kick_time(damping, dt)
     inertia, push = gain / density0, gain * profiles if profiles.size else NO_FORCE
-    weights, geometry = ABSENT, NO_LISTS
-    if scene.is_even:
-        weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
-    else:
-        geometry = scene.neighbour_lists()
+    weights, geometry = scene.neighbours()
     uniform = is_uniform(scene) and weights.size <= 2
     even_push = push.size > 0 and bool((push.min(axis=1) == push.max(axis=1)).all())
     if uniform:
@@ -692,10 +688,9 @@ def rates(scene: Scene) -> Callable[[float, np.ndarray], np.ndarray]:
     stiffening, slowing = scene.changing("youngs_modulus"), scene.changing("damping")
     factors = [factor for term in scene.force_terms for factor in term.factors]
     _, profiles = scene.force_values(np.zeros(1))
-    if scene.is_even:
-        weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
-        fields = np.empty((2, count + 2 * weights.size))
-    else:
+    weights, _ = scene.neighbours()
+    fields = np.empty((2, count + 2 * weights.size))
+    if not scene.is_even:
         gradient = derivative_matrix(scene)
 
     def rate(t, state):

@@ -21,7 +21,7 @@ from sphpod.numerics.compiled import compiled
 from sphpod.scene.ends import STRAIN
 from sphpod.scene.kernel import stencil_weights
 from sphpod.scene.run import FullRun
-from sphpod.scene.scene import Scene
+from sphpod.scene.scene import ABSENT, Scene
 
 SOUND = 0.5
 """Size of strains that is far enough from folding for a bound of what follows."""
@@ -95,23 +95,18 @@ def prepare(
     material = dt / density0, modulus, modulus * density0
     forces = dt * damping, dt * amplitudes, profiles
     changes = stiffening, density0, (slowing[0], dt * slowing[1])
-    geometry: tuple[np.ndarray, ...]
-    if neighbours == "lists":
-        geometry = scene.neighbour_lists()
-        kernel, ghosts = march_lists, 0
-    else:
-        weights = stencil_weights(scene.spacing, scene.smoothing_ratio)
-        # Two and four neighbours have kernels of their own, which serve fewer with weights of zero.
-        ghosts = next((width for width in (2, 4) if weights.size <= width), weights.size)
-        geometry = (np.pad(weights, (0, ghosts - weights.size)),)
-        kernel = march_stencil
-
+    weights, lists = (
+        scene.neighbours() if neighbours == "stencil" else (ABSENT, scene.neighbour_lists())
+    )
+    # Two and four neighbours have kernels of their own, which serve fewer with weights of zero.
+    ghosts = next((width for width in (0, 2, 4) if weights.size <= width), weights.size)
+    weights = np.pad(weights, (0, ghosts - weights.size))
+    geometry = weights, lists, _images(scene)
     pace = fastest_change(scene, dt, largest_force(amplitudes, profiles), factor=2)
-    geometry = *geometry, *_images(scene)
     velocity0 = np.pad(velocity_now, ghosts, mode="wrap")
     stress0 = np.pad(modulus * (1 - density0 / density_now), ghosts, mode="wrap")
 
-    def march(velocity, density, watch):
+    def run(velocity, density, watch):
         state = np.zeros((4, velocity0.size))
         state[0], state[2] = velocity0, stress0
         rho = density_now.copy()
@@ -119,9 +114,9 @@ def prepare(
         kept = velocity, density
         # A modulus that changes is written over from step to step.
         own = tuple(part.copy() for part in material) if stiffening[0].size else material
-        return kernel((state, rho), own, forces, changes, geometry, schedule, kept)
+        return march((state, rho), own, forces, changes, geometry, schedule, kept)
 
-    return FullRun.of(scene, "full SPH", scene.times(steps), "density", march)
+    return FullRun.of(scene, "full SPH", scene.times(steps), "density", run)
 
 
 Changes = tuple[np.ndarray, np.ndarray]
@@ -369,19 +364,38 @@ def advance_any(v, new_v, stress, new_stress, rho, material, weights):
 
 
 @compiled
-def march_stencil(state, material, forces, changes, geometry, schedule, kept):
-    """Evenly spaced particles.
+def advance_lists(v, new_v, stress, new_stress, rho, material, lists):
+    """One step for particles that each have their own list of neighbours.
 
-    ``state`` holds velocity and stress, old and new, with ghosts, and the density; ``changes``
-    those of the modulus, ρ0, and those of the damping; ``geometry`` the weights of neighbours, and
-    particles that are set as `reflect` does; ``schedule`` the first step, those after which the
-    state is kept, whether it is looked at, and `fastest_change`.
+    Indices are unsigned: with signed ones numba also handles negative indices, three times slower.
+    """
+    inertia, modulus, load = material
+    first, neighbours, gradients = lists
+    for i in range(rho.size):
+        stretching, pull = 0.0, 0.0
+        for n in range(first[i], first[i + 1]):
+            j = neighbours[n]
+            stretching += gradients[n] * v[j]
+            pull += gradients[n] * stress[j]
+        new_rho = rho[i] - inertia[i] * rho[i] * rho[i] * stretching
+        rho[i] = new_rho
+        new_stress[i] = modulus[i] - load[i] / new_rho
+        new_v[i] = v[i] - inertia[i] * pull
+
+
+@compiled
+def march(state, material, forces, changes, geometry, schedule, kept):
+    """``state`` holds velocity and stress, old and new, with ghosts, and the density; ``changes``
+    those of the modulus, ρ0, and those of the damping; ``geometry`` the weights of neighbours of
+    evenly spaced particles, else their lists, and particles that are set as `reflect` does;
+    ``schedule`` the first step, those after which the state is kept, whether it is looked at, and
+    `fastest_change`.
     """
     fields, rho = state
     v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
     modulus, load, damping = material[1], material[2], forces[0]
     stiffening, density0, slowing = changes
-    weights, images = geometry[0], (geometry[1], geometry[2], geometry[3])
+    weights, lists, images = geometry
     first_step, steps, watch, pace = schedule
     velocity, density = kept
     width = weights.size
@@ -401,8 +415,10 @@ def march_stencil(state, material, forces, changes, geometry, schedule, kept):
                 advance_two(v, new_v, stress, new_stress, rho, material, weights)
             elif width == 4:
                 advance_four(v, new_v, stress, new_stress, rho, material, weights)
-            else:
+            elif width:
                 advance_any(v, new_v, stress, new_stress, rho, material, weights)
+            else:
+                advance_lists(v, new_v, stress, new_stress, rho, material, lists)
             if slowing[0].size:
                 change(damping, slowing, step)
             if acted:
@@ -423,67 +439,4 @@ def march_stencil(state, material, forces, changes, geometry, schedule, kept):
                 next_look = step + 1 + sound
         done = steps[row]
         keep(v[inner], rho, velocity[row], density[row])
-    return -1
-
-
-@compiled
-def advance_lists(v, new_v, stress, new_stress, rho, material, geometry):
-    """One step for particles that each have their own list of neighbours.
-
-    Indices are unsigned: with signed ones numba also handles negative indices, three times slower.
-    """
-    inertia, modulus, load = material
-    first, neighbours, gradients = geometry
-    for i in range(rho.size):
-        stretching, pull = 0.0, 0.0
-        for n in range(first[i], first[i + 1]):
-            j = neighbours[n]
-            stretching += gradients[n] * v[j]
-            pull += gradients[n] * stress[j]
-        new_rho = rho[i] - inertia[i] * rho[i] * rho[i] * stretching
-        rho[i] = new_rho
-        new_stress[i] = modulus[i] - load[i] / new_rho
-        new_v[i] = v[i] - inertia[i] * pull
-
-
-@compiled
-def march_lists(state, material, forces, changes, geometry, schedule, kept):
-    """Any arrangement of particles, as `march_stencil` without ghosts."""
-    lists, images = (geometry[0], geometry[1], geometry[2]), (geometry[3], geometry[4], geometry[5])
-    fields, rho = state
-    v, new_v, stress, new_stress = fields[0], fields[1], fields[2], fields[3]
-    modulus, load, damping = material[1], material[2], forces[0]
-    stiffening, density0, slowing = changes
-    first_step, steps, watch, pace = schedule
-    velocity, density = kept
-    acted = forces[0].size > 0 or forces[1].size > 0
-    next_look = np.iinfo(np.int64).max
-    if watch:
-        failed, sound = look(v, rho, stress, modulus, pace)
-        if failed >= 0:
-            keep(v, rho, velocity[0], density[0])
-            return failed
-        next_look = first_step + sound
-    done = first_step
-    for row in range(steps.size):
-        for step in range(done, steps[row]):
-            advance_lists(v, new_v, stress, new_stress, rho, material, lists)
-            if slowing[0].size:
-                change(damping, slowing, step)
-            if acted:
-                act(new_v, v, forces, step)
-            if stiffening[0].size:
-                restress(new_stress, rho, modulus, load, density0, stiffening, step + 1)
-            if images[0].size:
-                reflect(new_stress, rho, material, images)
-            v, new_v = new_v, v
-            stress, new_stress = new_stress, stress
-            if step + 1 >= next_look:
-                failed, sound = look(v, rho, stress, modulus, pace)
-                if failed >= 0:
-                    keep(v, rho, velocity[row], density[row])
-                    return row * rho.size + failed
-                next_look = step + 1 + sound
-        done = steps[row]
-        keep(v, rho, velocity[row], density[row])
     return -1

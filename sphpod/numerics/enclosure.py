@@ -173,10 +173,7 @@ def _lifted(value: Any) -> Enclosure:
 def _bounded(low, high, centre, radius) -> Enclosure:
     """Bounds of which those that are not a number are none."""
     return Enclosure(
-        np.fmax(low, -np.inf),
-        np.fmin(high, np.inf),
-        centre,
-        np.where(radius >= 0, radius, np.inf),
+        np.fmax(low, -np.inf), np.fmin(high, np.inf), centre, np.where(radius >= 0, radius, np.inf)
     )
 
 

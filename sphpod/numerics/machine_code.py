@@ -191,10 +191,7 @@ def _compare_contents() -> None:
         from py_compile import PycInvalidationMode
 
         compileall.compile_dir(
-            PACKAGE,
-            force=True,
-            quiet=2,
-            invalidation_mode=PycInvalidationMode.CHECKED_HASH,
+            PACKAGE, force=True, quiet=2, invalidation_mode=PycInvalidationMode.CHECKED_HASH
         )
 
 

@@ -4,12 +4,13 @@ In memory a dataset is a plain ``dict`` of numpy arrays; `VARIABLES` says what e
 means. Files are written whole or not at all, the same arrays and attributes always give the same
 bytes, and a file is only read if its bytes are those that were written.
 
-Long, as half of it is the table of what names mean.
+Long, as a third of it is the table of what names mean.
 """
 
 import errno
 import json
 import os
+import re
 import shutil
 import sys
 import zlib
@@ -18,6 +19,7 @@ from contextlib import contextmanager
 from functools import cache, lru_cache
 from importlib import metadata
 from pathlib import Path
+from textwrap import dedent
 from typing import TYPE_CHECKING, Any, BinaryIO, NamedTuple
 from uuid import uuid4
 
@@ -70,231 +72,160 @@ class Variable(NamedTuple):
     coordinates: str = ""
 
 
-def _roundings(field: str, meaning: str) -> dict[str, Variable]:
-    """How far rounding turns the modes of a field."""
-    dims = (f"{field}_mode",)
-    return {
-        f"{field}_mode_rounding": Variable(
-            dims, "1", f"norm of the change that rounding makes of a mode of the {meaning}"
-        ),
-        f"{field}_span_rounding": Variable(
-            dims,
-            "1",
-            f"sine of the angle by which rounding turns the span of first modes of the {meaning}",
-        ),
-    }
+ENTRY = re.compile(
+    r"(?P<name>\w+) \((?P<dims>[\w, ]*)\)(?: \[(?P<units>[^]]+)\])?(?: (?P<integer>int\d+))?"
+    r"(?: along (?P<coordinates>\w+))?: (?P<meaning>.+)"
+)
 
 
-def _fields() -> dict[str, Variable]:
-    """Variables that exist once for the velocity and once for the density; Long, as a table is."""
-    variables: dict[str, Variable] = {}
-    for field, units, meaning in (
-        ("velocity", "m s-1", "velocity"),
-        ("density", "kg m-3", "mass density"),
-    ):
-        snapshot, mode = f"{field}_snapshot", f"{field}_mode"
-        error = f"relative L2 error of the {meaning}"
-        variables |= {
-            field: Variable(("t", "x"), units, f"{meaning} of the particles"),
-            f"{field}_time": Variable((snapshot,), "s", f"time of the {meaning} snapshots"),
-            f"{field}_snapshots": Variable(
-                (snapshot, "x"), units, f"{meaning} snapshots", coordinates=f"{field}_time"
-            ),
-            f"{field}_twins": Variable(
-                (snapshot, "x"),
-                units,
-                f"{meaning} snapshots of a run that starts one unit in the last place beside",
-                coordinates=f"{field}_time",
-            ),
-            f"{field}_modes": Variable(
-                (mode, "x"), "1", f"orthonormal {meaning} modes, largest entry positive"
-            ),
-            **_roundings(field, meaning),
-            f"{field}_singular_values": Variable(
-                (mode,), units, f"singular values of the {meaning} snapshots"
-            ),
-            f"{field}_coordinates": Variable(
-                ("t", mode), units, f"reduced coordinates of the {meaning}"
-            ),
-            f"{field}_error": Variable(
-                ("solution_index", "reference_index"),
-                "1",
-                f"{error} of a solution against a reference",
-            ),
-            f"{field}_error_estimate": Variable(
-                (), "1", f"estimated {error}, from three grids, factor of safety included"
-            ),
-            f"{field}_observed_order": Variable(
-                (), "1", f"order by which the error of the {meaning} falls from grid to grid"
-            ),
-            f"{field}_mode_count": Variable((), "1", f"modes kept for {field} alone", np.int32),
-            f"{field}_error_sph": Variable(
-                ("mode_count",), "1", f"{error} of the reduced model against full SPH"
-            ),
-            f"{field}_error_reference": Variable(
-                ("mode_count",), "1", f"{error} of the reduced model against the reference"
-            ),
-            f"{field}_error_full": Variable(
-                ("contender_index",),
-                "1",
-                f"{error} of a model against full SPH, NaN for other particles",
-            ),
-            f"{field}_error_exact": Variable(
-                ("contender_index",),
-                "1",
-                f"{error} of a model against the exact solution, else centred differences",
-            ),
-            f"acceleration_{field}_error": Variable(
-                ("contender_index", "mode_count"),
-                "1",
-                f"{error} of a reduced model against full SPH",
-            ),
-        }
-    return variables
+def meanings(table: str) -> dict[str, Variable]:
+    """Variables by name, as a table says what they mean, a line each.
+
+    A line is ``name (dimensions) [unit] type along coordinates: meaning``, and goes on in lines
+    that are further in. Text has no unit; the type is float64 where none is given.
+
+    Raises
+    ------
+    ValueError
+        A line is not of this form, or a name has two.
+    """
+    found: dict[str, Variable] = {}
+    for line in filter(None, re.sub(r"\n +", " ", dedent(table)).splitlines()):
+        entry = ENTRY.fullmatch(line)
+        if entry is None or entry["name"] in found:
+            raise ValueError(f"{line!r} is no variable of its own")
+        number = np.dtype(entry["integer"] or float).type
+        found[entry["name"]] = Variable(
+            tuple(re.findall(r"\w+", entry["dims"])),
+            entry["units"] or "",
+            entry["meaning"],
+            number if entry["units"] else str,
+            entry["coordinates"] or "",
+        )
+    return found
 
 
-VARIABLES = _fields() | {
-    "t": Variable(("t",), "s", "time"),
-    "x": Variable(("x",), "m", "position of the particles at rest"),
-    "error_sample": Variable(
-        ("t",), "1", "1 where the time belongs to the error integral", np.int8
-    ),
-    "asymptotic": Variable(
-        (), "1", "1 where three grids allow an estimate of the error, 0 where it is NaN", np.int8
-    ),
-    "solution": Variable(("solution_index",), "", "solution whose error is given", str),
-    "reference": Variable(
-        ("reference_index",), "", "solution that the error is taken against", str
-    ),
-    "mode_count": Variable(("mode_count",), "1", "modes kept for velocity and density", np.int32),
-    "modes_resolved": Variable(
-        ("mode_count",),
-        "1",
-        "1 where rounding turns the span of the modes by at most 0.01, 0 where it turns it by more "
-        "and the error of the model may change with the processor",
-        np.int8,
-    ),
-    "breakdown_time": Variable(("mode_count",), "s", "time at which the reduced model broke down"),
-    **_roundings("scaled_velocity", "velocity times root of mass"),
-    **_roundings("scaled_strain", "strain times root of stiffness"),
-    "scaled_velocity_modes": Variable(
-        ("scaled_velocity_mode", "x"), "1", "orthonormal modes of the velocity times root of mass"
-    ),
-    "scaled_strain_modes": Variable(
-        ("scaled_strain_mode", "x"), "1", "orthonormal modes of the strain times root of stiffness"
-    ),
-    "scaled_velocity_singular_values": Variable(
-        ("scaled_velocity_mode",), ENERGY_ROOT, "singular values of the scaled velocity snapshots"
-    ),
-    "scaled_strain_singular_values": Variable(
-        ("scaled_strain_mode",), ENERGY_ROOT, "singular values of the scaled strain snapshots"
-    ),
-    "translation": Variable(
-        (), "1", "1 where the first velocity mode is the rigid translation, else 0", np.int8
-    ),
-    "scaled_velocity_coordinates": Variable(
-        ("t", "scaled_velocity_mode"), ENERGY_ROOT, "reduced coordinates of the scaled velocity"
-    ),
-    "scaled_strain_coordinates": Variable(
-        ("t", "scaled_strain_mode"), ENERGY_ROOT, "reduced coordinates of the scaled strain"
-    ),
-    "strain": Variable(("t", "x"), "1", "strain of the particles"),
-    "reduced_operator": Variable(
-        ("reduced_rate", "reduced_state"),
-        "s-1",
-        "rates of the reduced coordinates, of velocity and then of the other field, at rest, by "
-        "the coordinates, in their units",
-    ),
-    "reduced_constant": Variable(
-        ("reduced_rate",), "s-1", "rates of the coordinates that do not depend on them"
-    ),
-    "reduced_force": Variable(
-        ("reduced_rate", "force_term"),
-        "1",
-        "rates of the coordinates by the courses of the force's terms in time",
-    ),
-    "time_error_estimate": Variable(
-        (), "1", "estimated error of the time steps, of the largest energy norm"
-    ),
-    "velocity_output": Variable(
-        ("reduced_state", "x"), "1", "velocity of the particles by the coordinates, in SI units"
-    ),
-    "density_output": Variable(
-        ("reduced_state", "x"), "1", "mass density of the particles by the coordinates"
-    ),
-    "strain_output": Variable(
-        ("reduced_state", "x"), "1", "strain of the particles by the coordinates, in SI units"
-    ),
-    "velocity_error_lifted": Variable(
-        ("mode_count",), "1", "relative error of the velocity against the lifted full model"
-    ),
-    "strain_error_lifted": Variable(
-        ("mode_count",), "1", "relative error of the strain against the lifted full model"
-    ),
-    "energy_error_lifted": Variable(
-        ("mode_count",), "1", "largest energy norm of the error, of that of the lifted full model"
-    ),
-    "energy_error_bound": Variable(
-        ("mode_count",), "1", "bound of the largest energy norm of the error, of the largest norm"
-    ),
-    "residual_bound": Variable(("mode_count",), "1", "the same bound from the residual alone"),
-    "difference_from_best": Variable(
-        ("mode_count",), "1", "largest energy norm of the difference from the model with all modes"
-    ),
-    "bound_slack": Variable(
-        ("mode_count",),
-        "1",
-        "smallest difference of bound and error over time, of the largest norm",
-    ),
-    "error_bound": Variable(("t",), ENERGY_ROOT, "bound of the energy norm of the error"),
-    "tolerance": Variable((), "1", "largest allowed difference from the best model"),
-    "best_mode_count": Variable((), "1", "velocity modes that the snapshots give", np.int32),
-    "certified": Variable((), "1", "1 where the bound is within the tolerance, else 0", np.int8),
-    "contender": Variable(("contender_index",), "", "model compared", str),
-    "n_freeze": Variable(
-        ("contender_index",), "1", "steps for which coefficients stay frozen, 0 for none", np.int64
-    ),
-    "contender_mode_count": Variable(
-        ("contender_index",),
-        "1",
-        "modes kept for velocity and density, 0 for a full model",
-        np.int32,
-    ),
-    "contender_modes_resolved": Variable(
-        ("contender_index",), "1", "1 of a full model, else as modes_resolved", np.int8
-    ),
-    "integrator": Variable(("contender_index",), "", "how a model is stepped", str),
-    "contender_particle_count": Variable(
-        ("contender_index",), "1", "particles of the model", np.int32
-    ),
-    "contender_time_step": Variable(
-        ("contender_index",), "s", "time step; NaN where it is not a fixed one"
-    ),
-    "contender_tolerance": Variable(
-        ("contender_index",), "1", "relative tolerance of an adaptive integrator, NaN of another"
-    ),
-    "reconstruction_seconds": Variable(
-        ("contender_index", "repeat"), "s", "process time of fields from reduced coordinates"
-    ),
-    "offline_seconds": Variable(
-        ("contender_index", "offline"), "s", "process time of snapshots, modes and projection"
-    ),
-    "cpu_seconds": Variable(("contender_index", "repeat"), "s", "process time of all time steps"),
-    "memory_bytes": Variable(
-        ("contender_index",), "byte", "memory that a prepared time loop holds", np.int64
-    ),
-    "skipped": Variable(("skipped_index",), "", "what a scene may lack", str),
-    "skipping_model": Variable(
-        ("skipped_index",), "", "model that is timed with and without it", str
-    ),
-    "skipping_seconds": Variable(("skipped_index", "repeat"), "s", "process time without it"),
-    "general_seconds": Variable(
-        ("skipped_index", "repeat"),
-        "s",
-        "process time with it in vain, as zeros or general structure",
-    ),
-    "step_seconds": Variable(("contender_index", "repeat"), "s", "process time of one time step"),
-}
+OF_MODES = """
+{field}_mode_rounding ({field}_mode) [1]: norm of the change that rounding makes of a mode of the
+    {meaning}
+{field}_span_rounding ({field}_mode) [1]: sine of the angle by which rounding turns the span of
+    first modes of the {meaning}
+"""
+
+OF_FIELD = """
+{field} (t, x) [{units}]: {meaning} of the particles
+{field}_time ({field}_snapshot) [s]: time of the {meaning} snapshots
+{field}_snapshots ({field}_snapshot, x) [{units}] along {field}_time: {meaning} snapshots
+{field}_twins ({field}_snapshot, x) [{units}] along {field}_time: {meaning} snapshots of a run that
+    starts one unit in the last place beside
+{field}_modes ({field}_mode, x) [1]: orthonormal {meaning} modes, largest entry positive
+{field}_singular_values ({field}_mode) [{units}]: singular values of the {meaning} snapshots
+{field}_coordinates (t, {field}_mode) [{units}]: reduced coordinates of the {meaning}
+{field}_error (solution_index, reference_index) [1]: relative L2 error of the {meaning} of a
+    solution against a reference
+{field}_error_estimate () [1]: estimated relative L2 error of the {meaning}, from three grids,
+    factor of safety included
+{field}_observed_order () [1]: order by which the error of the {meaning} falls from grid to grid
+{field}_mode_count () [1] int32: modes kept for {field} alone
+{field}_error_sph (mode_count) [1]: relative L2 error of the {meaning} of the reduced model against
+    full SPH
+{field}_error_reference (mode_count) [1]: relative L2 error of the {meaning} of the reduced model
+    against the reference
+{field}_error_full (contender_index) [1]: relative L2 error of the {meaning} of a model against full
+    SPH, NaN for other particles
+{field}_error_exact (contender_index) [1]: relative L2 error of the {meaning} of a model against the
+    exact solution, else centred differences
+acceleration_{field}_error (contender_index, mode_count) [1]: relative L2 error of the {meaning} of
+    a reduced model against full SPH
+"""
+
+OTHERS = """
+t (t) [s]: time
+x (x) [m]: position of the particles at rest
+error_sample (t) [1] int8: 1 where the time belongs to the error integral
+asymptotic () [1] int8: 1 where three grids allow an estimate of the error, 0 where it is NaN
+solution (solution_index): solution whose error is given
+reference (reference_index): solution that the error is taken against
+mode_count (mode_count) [1] int32: modes kept for velocity and density
+modes_resolved (mode_count) [1] int8: 1 where rounding turns the span of the modes by at most 0.01,
+    0 where it turns it by more and the error of the model may change with the processor
+breakdown_time (mode_count) [s]: time at which the reduced model broke down
+scaled_velocity_modes (scaled_velocity_mode, x) [1]: orthonormal modes of the velocity times root of
+    mass
+scaled_strain_modes (scaled_strain_mode, x) [1]: orthonormal modes of the strain times root of
+    stiffness
+scaled_velocity_singular_values (scaled_velocity_mode) [kg0.5 s-1]: singular values of the scaled
+    velocity snapshots
+scaled_strain_singular_values (scaled_strain_mode) [kg0.5 s-1]: singular values of the scaled strain
+    snapshots
+translation () [1] int8: 1 where the first velocity mode is the rigid translation, else 0
+scaled_velocity_coordinates (t, scaled_velocity_mode) [kg0.5 s-1]: reduced coordinates of the scaled
+    velocity
+scaled_strain_coordinates (t, scaled_strain_mode) [kg0.5 s-1]: reduced coordinates of the scaled
+    strain
+strain (t, x) [1]: strain of the particles
+reduced_operator (reduced_rate, reduced_state) [s-1]: rates of the reduced coordinates, of velocity
+    and then of the other field, at rest, by the coordinates, in their units
+reduced_constant (reduced_rate) [s-1]: rates of the coordinates that do not depend on them
+reduced_force (reduced_rate, force_term) [1]: rates of the coordinates by the courses of the force's
+    terms in time
+time_error_estimate () [1]: estimated error of the time steps, of the largest energy norm
+velocity_output (reduced_state, x) [1]: velocity of the particles by the coordinates, in SI units
+density_output (reduced_state, x) [1]: mass density of the particles by the coordinates
+strain_output (reduced_state, x) [1]: strain of the particles by the coordinates, in SI units
+velocity_error_lifted (mode_count) [1]: relative error of the velocity against the lifted full model
+strain_error_lifted (mode_count) [1]: relative error of the strain against the lifted full model
+energy_error_lifted (mode_count) [1]: largest energy norm of the error, of that of the lifted full
+    model
+energy_error_bound (mode_count) [1]: bound of the largest energy norm of the error, of the largest
+    norm
+residual_bound (mode_count) [1]: the same bound from the residual alone
+difference_from_best (mode_count) [1]: largest energy norm of the difference from the model with all
+    modes
+bound_slack (mode_count) [1]: smallest difference of bound and error over time, of the largest norm
+error_bound (t) [kg0.5 s-1]: bound of the energy norm of the error
+tolerance () [1]: largest allowed difference from the best model
+best_mode_count () [1] int32: velocity modes that the snapshots give
+certified () [1] int8: 1 where the bound is within the tolerance, else 0
+contender (contender_index): model compared
+n_freeze (contender_index) [1] int64: steps for which coefficients stay frozen, 0 for none
+contender_mode_count (contender_index) [1] int32: modes kept for velocity and density, 0 for a full
+    model
+contender_modes_resolved (contender_index) [1] int8: 1 of a full model, else as modes_resolved
+integrator (contender_index): how a model is stepped
+contender_particle_count (contender_index) [1] int32: particles of the model
+contender_time_step (contender_index) [s]: time step; NaN where it is not a fixed one
+contender_tolerance (contender_index) [1]: relative tolerance of an adaptive integrator, NaN of
+    another
+reconstruction_seconds (contender_index, repeat) [s]: process time of fields from reduced
+    coordinates
+offline_seconds (contender_index, offline) [s]: process time of snapshots, modes and projection
+cpu_seconds (contender_index, repeat) [s]: process time of all time steps
+memory_bytes (contender_index) [byte] int64: memory that a prepared time loop holds
+skipped (skipped_index): what a scene may lack
+skipping_model (skipped_index): model that is timed with and without it
+skipping_seconds (skipped_index, repeat) [s]: process time without it
+general_seconds (skipped_index, repeat) [s]: process time with it in vain, as zeros or general
+    structure
+step_seconds (contender_index, repeat) [s]: process time of one time step
+"""
+
+VARIABLES = meanings(
+    "".join(
+        [
+            *(
+                (OF_FIELD + OF_MODES).format(field=field, units=units, meaning=meaning)
+                for field, units, meaning in (
+                    ("velocity", "m s-1", "velocity"),
+                    ("density", "kg m-3", "mass density"),
+                )
+            ),
+            OF_MODES.format(field="scaled_velocity", meaning="velocity times root of mass"),
+            OF_MODES.format(field="scaled_strain", meaning="strain times root of stiffness"),
+            OTHERS,
+        ]
+    )
+)
 
 
 def write(

@@ -223,12 +223,7 @@ class Motion:
         own, step, count = model.own, full.scene.duration / steps, start.size
         push = forces_on(full, model)
         prepared = propagator.prepare(
-            own.blocks,
-            own.singles,
-            own.forces_in_blocks(push),
-            step,
-            steps + 1,
-            full.courses,
+            own.blocks, own.singles, own.forces_in_blocks(push), step, steps + 1, full.courses
         )
         values = np.zeros((count + push.shape[1], steps + 1))
         values[:count, 0] = start

@@ -22,7 +22,7 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby, islice
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 
@@ -139,6 +139,7 @@ class ReducedModel:
         decay, damping, amplitudes, push = self._project_forces(dt, steps[-1])
         forces = decay, _padded(damping.T, both=True), amplitudes, _padded(push.T).T.copy()
         on_particles = _padded(stretch), _padded(density_modes)
+        operators: tuple[Any, ...]
         if n_freeze == 0:
             if stiffening[0].size:
                 pull = of_stress
@@ -159,10 +160,11 @@ class ReducedModel:
             stiffening = factors, np.array(parts)
         changes = stiffening, slowing
         kv, kr = len(velocity_modes), len(density_modes)
+        tensor = nothing = np.zeros((0, 0))
         if tensor_is_cheaper(kv, kr, density0.size, n_freeze):
-            tensor = _quadratic_tensor(*on_particles, kr)
-            return march_tensor, *start, (force, constant, tensor, n_freeze), forces, changes
-        return march_frozen, *start, (force, constant, *on_particles, n_freeze), forces, changes
+            tensor, on_particles = _quadratic_tensor(*on_particles, kr), (nothing, nothing)
+        operators = force, constant, tensor, *on_particles, n_freeze
+        return march_frozen, *start, operators, forces, changes
 
     def _changes(self, key, steps) -> Changes:
         changing = self.scene.changing(key)
@@ -670,6 +672,13 @@ def add_push(push, amplitudes, step, result):
 
 
 @compiled
+def keep(coordinates, row):
+    """Copy coordinates, without zeros behind them, into a row of what is kept."""
+    for m in range(row.size):
+        row[m] = coordinates[m]
+
+
+@compiled
 def change_frozen(force, constant, parts, changes, step):
     """The force of frozen coefficients where c changes with time; ``parts`` is room for both."""
     change(parts, changes, step)
@@ -695,7 +704,6 @@ def march_particles(state, operators, forces, changes, steps, kept):
     modulus = np.empty(density0.size)
     velocity_coordinates, density_coordinates = kept
     rho, rate = np.empty(density0.size), np.empty(density0.size)
-    kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
     old_a = a.copy()
     done = 0
     for row in range(steps.size):
@@ -726,10 +734,8 @@ def march_particles(state, operators, forces, changes, steps, kept):
             if amplitudes.size:
                 add_push(push, amplitudes, step, a)
         done = steps[row]
-        for m in range(kv):
-            velocity_coordinates[row, m] = a[m]
-        for m in range(kr):
-            density_coordinates[row, m] = b[m]
+        keep(a, velocity_coordinates[row])
+        keep(b, density_coordinates[row])
 
 
 @compiled
@@ -833,48 +839,6 @@ def march_four(state, operators, forces, changes, steps, kept):
 
 
 @compiled
-def march_frozen(state, operators, forces, changes, steps, kept):
-    """Frozen coefficients, with ρ² kept on the particles between refreshes."""
-    a, b = state
-    force, constant, stretch, density_modes, n_freeze = operators
-    decay, damping, amplitudes, push = forces
-    stiffening, slowing = changes
-    parts = np.empty(force.size + constant.size)
-    velocity_coordinates, density_coordinates = kept
-    squares, rate = np.empty(density_modes.shape[1]), np.empty(density_modes.shape[1])
-    kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
-    old_a = a.copy()
-    done = 0
-    for row in range(steps.size):
-        for step in range(done, steps[row]):
-            if step % n_freeze == 0:
-                expand(b, density_modes, squares)
-                for i in range(squares.size):
-                    squares[i] *= squares[i]
-                if stiffening[0].size:
-                    change_frozen(force, constant, parts, stiffening, step)
-                if slowing[0].size:
-                    change(damping.reshape(-1), slowing, step)
-            for m in range(a.size):
-                old_a[m] = a[m]
-                a[m] = decay * a[m] + constant[m]
-            add_expansion(b, force, a)
-            if damping.size:
-                add_expansion(old_a, damping, a)
-            if amplitudes.size:
-                add_push(push, amplitudes, step - step % n_freeze, a)
-            expand(old_a, stretch, rate)
-            for i in range(rate.size):
-                rate[i] *= squares[i]
-            add_projection(rate, density_modes, b)
-        done = steps[row]
-        for m in range(kv):
-            velocity_coordinates[row, m] = a[m]
-        for m in range(kr):
-            density_coordinates[row, m] = b[m]
-
-
-@compiled
 def refresh(b, kr, products, tensor, matrix):
     """-Δt Cᵀ = Σ_{q ≤ r} T[q, r] b_q b_r, flattened."""
     pair = 0
@@ -886,24 +850,29 @@ def refresh(b, kr, products, tensor, matrix):
 
 
 @compiled
-def march_tensor(state, operators, forces, changes, steps, kept):
-    """Frozen coefficients, wholly in reduced coordinates: no particle is seen."""
+def march_frozen(state, operators, forces, changes, steps, kept):
+    """Frozen coefficients: wholly in reduced coordinates if there is a tensor; else with ρ² kept on
+    the particles between refreshes."""
     a, b = state
-    force, constant, tensor, n_freeze = operators
+    force, constant, tensor, stretch, density_modes, n_freeze = operators
     decay, damping, amplitudes, push = forces
     stiffening, slowing = changes
     parts = np.empty(force.size + constant.size)
     velocity_coordinates, density_coordinates = kept
-    kv, kr = velocity_coordinates.shape[1], density_coordinates.shape[1]
-    products = np.zeros(tensor.shape[0])
-    flat = np.empty(tensor.shape[1])
+    squares, rate = np.empty(density_modes.shape[1]), np.empty(density_modes.shape[1])
+    products, flat = np.zeros(tensor.shape[0]), np.empty(a.size * b.size)
     matrix = flat.reshape(a.size, b.size)
     old_a = a.copy()
     done = 0
     for row in range(steps.size):
         for step in range(done, steps[row]):
             if step % n_freeze == 0:
-                refresh(b, kr, products, tensor, flat)
+                if tensor.size:
+                    refresh(b, density_coordinates.shape[1], products, tensor, flat)
+                else:
+                    expand(b, density_modes, squares)
+                    for i in range(squares.size):
+                        squares[i] *= squares[i]
                 if stiffening[0].size:
                     change_frozen(force, constant, parts, stiffening, step)
                 if slowing[0].size:
@@ -916,9 +885,13 @@ def march_tensor(state, operators, forces, changes, steps, kept):
                 add_expansion(old_a, damping, a)
             if amplitudes.size:
                 add_push(push, amplitudes, step - step % n_freeze, a)
-            add_expansion(old_a, matrix, b)
+            if tensor.size:
+                add_expansion(old_a, matrix, b)
+            else:
+                expand(old_a, stretch, rate)
+                for i in range(rate.size):
+                    rate[i] *= squares[i]
+                add_projection(rate, density_modes, b)
         done = steps[row]
-        for m in range(kv):
-            velocity_coordinates[row, m] = a[m]
-        for m in range(kr):
-            density_coordinates[row, m] = b[m]
+        keep(a, velocity_coordinates[row])
+        keep(b, density_coordinates[row])

@@ -92,11 +92,7 @@ def jumps(profile: Profile, length: float, points: int, least: float) -> list[tu
 
 
 def unresolved(
-    profile: Profile,
-    length: float,
-    count: int,
-    smoothed: int = 0,
-    allowed: float = REPORTED_ENERGY,
+    profile: Profile, length: float, count: int, smoothed: int = 0, allowed: float = REPORTED_ENERGY
 ) -> tuple[float, int]:
     """Part of a profile's energy, without its mean, in waves that evenly spaced points miss.
 

@@ -63,6 +63,9 @@ ABSENT = np.zeros(0)
 NO_FORCE = np.zeros((0, 0))
 """Stands for the factors in time, or the profiles, of a force that a scene does not have."""
 
+NO_LISTS = np.zeros(0, np.uint64), np.zeros(0, np.uint64), ABSENT
+"""Stands for the neighbour lists that evenly spaced particles do not need."""
+
 
 @dataclass(frozen=True)
 class Changing:
@@ -488,6 +491,12 @@ class Scene:
         return neighbour_lists(
             self.positions, self.volumes, self.smoothing_length, self.domain_length
         )
+
+    def neighbours(self) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray, np.ndarray]]:
+        """Weights of evenly spaced neighbours, and the lists of others; one of the two is empty."""
+        if self.is_even:
+            return stencil_weights(self.spacing, self.smoothing_ratio), NO_LISTS
+        return ABSENT, self.neighbour_lists()
 
     def derivative(self, fields: np.ndarray) -> np.ndarray:
         """SPH derivative G of fields (…, N) along their last axis [1/m times theirs] (2.9)."""

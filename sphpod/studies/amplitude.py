@@ -27,7 +27,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS, project
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom, pod
 from sphpod.reduced.rom import galerkin
 from sphpod.reduced.snapshots import output_steps, sampling_steps
@@ -273,29 +273,19 @@ STUDY = Study(
         reads={"amplitude": ("amplitude",)},
         places=lambda config: config["stability"]["amplitude"].items(),
     ),
-    variables={
-        "amplitude": Variable(("amplitude",), "1", "factor of the scene's initial velocity"),
-        "smallest_jacobian": Variable(
-            ("amplitude",), "1", "smallest Jacobian of full SPH over time and particles"
-        ),
-        "folding_amplitude": Variable((), "1", "amplitude from which full SPH breaks down"),
-        "lifted_folding_amplitude": Variable(
-            (), "1", "amplitude from which the lifted full model, exact in time, breaks down"
-        ),
-        "scaled_velocity_error": Variable(
-            ("contender_index", "amplitude"),
-            "1",
-            "relative L2 error of the velocity, against its full model",
-        ),
-        "scaled_density_error": Variable(
-            ("contender_index", "amplitude"),
-            "1",
-            "relative L2 error of the density, against its full model",
-        ),
-        "scaled_breakdown_time": Variable(
-            ("contender_index", "amplitude"),
-            "s",
-            "time at which the model broke down, NaN if it did not",
-        ),
-    },
+    variables=meanings(
+        """
+        amplitude (amplitude) [1]: factor of the scene's initial velocity
+        smallest_jacobian (amplitude) [1]: smallest Jacobian of full SPH over time and particles
+        folding_amplitude () [1]: amplitude from which full SPH breaks down
+        lifted_folding_amplitude () [1]: amplitude from which the lifted full model, exact in time,
+            breaks down
+        scaled_velocity_error (contender_index, amplitude) [1]: relative L2 error of the velocity,
+            against its full model
+        scaled_density_error (contender_index, amplitude) [1]: relative L2 error of the density,
+            against its full model
+        scaled_breakdown_time (contender_index, amplitude) [s]: time at which the model broke down,
+            NaN if it did not
+        """
+    ),
 )

@@ -15,7 +15,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics import timing
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import EVEN, Dataset, Study, scenes
 
@@ -123,11 +123,10 @@ STUDY = Study(
         )
     },
     tables={"detection": ("studies.detection.rows", "detection")},
-    variables={
-        "unwatched_seconds": Variable(
-            ("contender_index", "repeat"),
-            "s",
-            "process time of a model that looks for no breakdown",
-        ),
-    },
+    variables=meanings(
+        """
+        unwatched_seconds (contender_index, repeat) [s]: process time of a model that looks for no
+            breakdown
+        """
+    ),
 )

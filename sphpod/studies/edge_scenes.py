@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sphpod.full import energy, lifted
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import certificate, lifted_rom
 from sphpod.scene import waves
 from sphpod.scene.breakdown import Breakdown
@@ -264,10 +264,12 @@ STUDY = Study(
         )
     },
     tables={"edge_scenes": ("studies.edge_scenes.rows", "edge_scenes")},
-    variables={
-        "check": Variable(("check_index",), "", "what is checked of a scene at the edge", str),
-        "check_model": Variable(("check_index",), "", "model that is checked", str),
-        "check_value": Variable(("check_index",), "1", "what was found"),
-        "check_limit": Variable(("check_index",), "1", "what it must not exceed"),
-    },
+    variables=meanings(
+        """
+        check (check_index): what is checked of a scene at the edge
+        check_model (check_index): model that is checked
+        check_value (check_index) [1]: what was found
+        check_limit (check_index) [1]: what it must not exceed
+        """
+    ),
 )

@@ -20,7 +20,7 @@ import numpy as np
 
 from sphpod.full import energy, lifted, sph
 from sphpod.numerics.error import blocks, share
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reduced.lifted_rom import LiftedModel
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import UNDAMPED, Dataset, Drawing, Study, scenes
@@ -262,29 +262,20 @@ STUDY = Study(
         caption="Growth of the energy under explicit Euler, predicted and measured; energies kept.",
         reads={"scenes": ("growth",)},
     ),
-    variables={
-        "horizon": Variable(("horizon",), "s", "time over which explicit Euler runs"),
-        "predicted_energy_growth": Variable(
-            ("horizon",), "1", "energy at the end, of that at the start, by the spectrum"
-        ),
-        "measured_energy_growth": Variable(
-            ("horizon",),
-            "1",
-            "energy at the end of full SPH, of that at the start; NaN if it broke",
-        ),
-        "predicted_breakdown_time": Variable(
-            ("horizon",),
-            "s",
-            "time at which the Jacobian reaches zero by the spectrum, NaN if never",
-        ),
-        "measured_breakdown_time": Variable(
-            ("horizon",), "s", "time at which full SPH broke down, NaN if it did not"
-        ),
-        "conserving": Variable(("conserving_index",), "", "integrator that keeps an energy", str),
-        "energy_time_step": Variable(("conserving_index",), "s", "its time step, NaN if exact"),
-        "energy_drift": Variable(
-            ("conserving_index",), "1", "largest relative change of the energy that it keeps"
-        ),
-        "energy_horizon": Variable((), "s", "time over which the energies are followed"),
-    },
+    variables=meanings(
+        """
+        horizon (horizon) [s]: time over which explicit Euler runs
+        predicted_energy_growth (horizon) [1]: energy at the end, of that at the start, by the
+            spectrum
+        measured_energy_growth (horizon) [1]: energy at the end of full SPH, of that at the start;
+            NaN if it broke
+        predicted_breakdown_time (horizon) [s]: time at which the Jacobian reaches zero by the
+            spectrum, NaN if never
+        measured_breakdown_time (horizon) [s]: time at which full SPH broke down, NaN if it did not
+        conserving (conserving_index): integrator that keeps an energy
+        energy_time_step (conserving_index) [s]: its time step, NaN if exact
+        energy_drift (conserving_index) [1]: largest relative change of the energy that it keeps
+        energy_horizon () [s]: time over which the energies are followed
+        """
+    ),
 )

@@ -19,7 +19,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom, pod
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import Dataset, Study, has_snapshots
@@ -177,17 +177,12 @@ STUDY = Study(
         )
     },
     tables={"machine": ("studies.machine.rows", "machine")},
-    variables={
-        "quantity": Variable(
-            ("quantity_index",), "", "what is computed on different machines", str
-        ),
-        "thread_difference": Variable(
-            ("quantity_index",),
-            "1",
-            "largest difference between one BLAS thread and more, relative",
-        ),
-        "core_difference": Variable(
-            ("quantity_index",), "1", "largest difference between one core and more, relative"
-        ),
-    },
+    variables=meanings(
+        """
+        quantity (quantity_index): what is computed on different machines
+        thread_difference (quantity_index) [1]: largest difference between one BLAS thread and more,
+            relative
+        core_difference (quantity_index) [1]: largest difference between one core and more, relative
+        """
+    ),
 )

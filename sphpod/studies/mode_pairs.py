@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sphpod.numerics.error import FIELDS, project_solution
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reduced.pod import resolved
 from sphpod.reduced.rom import ReducedModel, prepare_each
 from sphpod.scene.scene import Scene
@@ -92,14 +92,7 @@ def draw(pairs: Arrays) -> "Figure":
     from matplotlib.figure import Figure
     from matplotlib.ticker import MaxNLocator
 
-    from sphpod.figures.plotting import (
-        BLACK,
-        COLUMN_WIDTH,
-        DIM,
-        GREY,
-        STYLE,
-        UNRESOLVED_LABEL,
-    )
+    from sphpod.figures.plotting import BLACK, COLUMN_WIDTH, DIM, GREY, STYLE, UNRESOLVED_LABEL
 
     ratio = np.maximum(pairs["pair_velocity_ratio"], pairs["pair_density_ratio"])
     with matplotlib.style.context(["default", STYLE]):
@@ -193,20 +186,16 @@ STUDY = Study(
         ),
         "largest": Setting(int, 12, ge=1, le=100, description="largest mode count of either field"),
     },
-    variables={
-        "pair_resolved": Variable(
-            ("velocity_modes_kept", "density_modes_kept"),
-            "1",
-            "1 where rounding leaves the modes as they are",
-            np.int8,
-        ),
-        "velocity_modes_kept": Variable(("velocity_modes_kept",), "1", "velocity modes", np.int32),
-        "density_modes_kept": Variable(("density_modes_kept",), "1", "density modes", np.int32),
-        "pair_velocity_ratio": Variable(
-            ("velocity_modes_kept", "density_modes_kept"), "1", "POD over SPH error in velocity"
-        ),
-        "pair_density_ratio": Variable(
-            ("velocity_modes_kept", "density_modes_kept"), "1", "POD over SPH error in density"
-        ),
-    },
+    variables=meanings(
+        """
+        pair_resolved (velocity_modes_kept, density_modes_kept) [1] int8: 1 where rounding leaves
+            the modes as they are
+        velocity_modes_kept (velocity_modes_kept) [1] int32: velocity modes
+        density_modes_kept (density_modes_kept) [1] int32: density modes
+        pair_velocity_ratio (velocity_modes_kept, density_modes_kept) [1]: POD over SPH error in
+            velocity
+        pair_density_ratio (velocity_modes_kept, density_modes_kept) [1]: POD over SPH error in
+            density
+        """
+    ),
 )

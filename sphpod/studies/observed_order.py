@@ -19,7 +19,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS, relative_error
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reference import exact, reference
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
@@ -329,24 +329,18 @@ STUDY = Study(
             int, 3, ge=3, le=8, description="grids and time steps, each half of the one before"
         )
     },
-    variables={
-        "refined_model": Variable(("refined",), "", "model that is refined", str),
-        "refined_integrator": Variable(("refined",), "", "how it is stepped", str),
-        "refinement": Variable(("refined",), "", "what is refined, time or space", str),
-        "refined_against": Variable(("refined",), "", "what its errors are taken against", str),
-        "refined_time_step": Variable(("refined", "level"), "s", "time step of each level"),
-        "refined_spacing": Variable(("refined", "level"), "m", "particle spacing of each level"),
-        "refined_velocity_error": Variable(
-            ("refined", "level"), "1", "relative L2 error of the velocity"
-        ),
-        "refined_density_error": Variable(
-            ("refined", "level"), "1", "relative L2 error of the mass density"
-        ),
-        "refined_velocity_order": Variable(
-            ("refined", "halving"), "1", "observed order of the velocity's error"
-        ),
-        "refined_density_order": Variable(
-            ("refined", "halving"), "1", "observed order of the mass density's error"
-        ),
-    },
+    variables=meanings(
+        """
+        refined_model (refined): model that is refined
+        refined_integrator (refined): how it is stepped
+        refinement (refined): what is refined, time or space
+        refined_against (refined): what its errors are taken against
+        refined_time_step (refined, level) [s]: time step of each level
+        refined_spacing (refined, level) [m]: particle spacing of each level
+        refined_velocity_error (refined, level) [1]: relative L2 error of the velocity
+        refined_density_error (refined, level) [1]: relative L2 error of the mass density
+        refined_velocity_order (refined, halving) [1]: observed order of the velocity's error
+        refined_density_order (refined, halving) [1]: observed order of the mass density's error
+        """
+    ),
 )

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import energy, lifted
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.lifted_rom import LiftedModel
 from sphpod.reduced.rom import ReducedModel, galerkin, modes_resolved
@@ -358,11 +358,7 @@ STUDY = Study(
             compute="studies.operators.of_samplings",
             message="{scene}: spectra of reduced operators, snapshots {sampling}",
             of_sampling=True,
-            reads={
-                "modes": "pod.nc",
-                "energy_modes": "lifted_pod.nc",
-                "snapshots": "snapshots.nc",
-            },
+            reads={"modes": "pod.nc", "energy_modes": "lifted_pod.nc", "snapshots": "snapshots.nc"},
             arguments={"mode_counts": "all_mode_counts"},
             needs=WITHOUT_FREE_ENDS,
             places=sampled,
@@ -409,40 +405,27 @@ STUDY = Study(
             "runs": ("random_run", "long_run"),
         },
     ),
-    variables={
-        "euclidean_growth_rate": Variable(
-            ("mode_count",), "s-1", "largest real part of the paper's reduced operator at rest"
-        ),
-        "euclidean_rounding": Variable(
-            ("mode_count",), "s-1", "how far rounding may have moved that real part, to first order"
-        ),
-        "frozen_growth_rate": Variable(
-            ("mode_count",),
-            "s-1",
-            "the same with coefficients of the snapshots' densities, largest",
-        ),
-        "frozen_rounding": Variable(
-            ("mode_count",), "s-1", "how far rounding may have moved that one, to first order"
-        ),
-        "energy_growth_rate": Variable(
-            ("mode_count",), "s-1", "largest real part of the lifted reduced operator"
-        ),
-        "operator_size": Variable(("mode_count",), "s-1", "2-norm of the lifted reduced operator"),
-        "basis_mode_count": Variable(("basis",), "1", "modes of a random basis", np.int32),
-        "random_euclidean_growth_rate": Variable(
-            ("basis",), "s-1", "largest real part of the paper's operator on random modes"
-        ),
-        "random_energy_growth_rate": Variable(
-            ("basis",), "s-1", "largest real part of the lifted operator on random modes"
-        ),
-        "random_operator_size": Variable(
-            ("basis",), "s-1", "2-norm of the lifted operator on random modes"
-        ),
-        "paper_energy": Variable(("t",), "J m-2", "energy of the paper's reduced model"),
-        "lifted_energy": Variable(("t",), "J m-2", "energy of the lifted reduced model"),
-        "example_growth_rate": Variable(
-            (), "s-1", "largest real part of the paper's operator of these modes"
-        ),
-        "example_time_step": Variable((), "s", "time step of explicit Euler of both models"),
-    },
+    variables=meanings(
+        """
+        euclidean_growth_rate (mode_count) [s-1]: largest real part of the paper's reduced operator
+            at rest
+        euclidean_rounding (mode_count) [s-1]: how far rounding may have moved that real part, to
+            first order
+        frozen_growth_rate (mode_count) [s-1]: the same with coefficients of the snapshots'
+            densities, largest
+        frozen_rounding (mode_count) [s-1]: how far rounding may have moved that one, to first order
+        energy_growth_rate (mode_count) [s-1]: largest real part of the lifted reduced operator
+        operator_size (mode_count) [s-1]: 2-norm of the lifted reduced operator
+        basis_mode_count (basis) [1] int32: modes of a random basis
+        random_euclidean_growth_rate (basis) [s-1]: largest real part of the paper's operator on
+            random modes
+        random_energy_growth_rate (basis) [s-1]: largest real part of the lifted operator on random
+            modes
+        random_operator_size (basis) [s-1]: 2-norm of the lifted operator on random modes
+        paper_energy (t) [J m-2]: energy of the paper's reduced model
+        lifted_energy (t) [J m-2]: energy of the lifted reduced model
+        example_growth_rate () [s-1]: largest real part of the paper's operator of these modes
+        example_time_step () [s]: time step of explicit Euler of both models
+        """
+    ),
 )

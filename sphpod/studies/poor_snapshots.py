@@ -14,7 +14,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS, blocks, share
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import error_bound, lifted_rom, pod
 from sphpod.reduced.rom import galerkin
 from sphpod.scene.scene import Scene
@@ -183,10 +183,7 @@ def noisy(
     noise = [np.sqrt(np.mean(field**2)) * rng.standard_normal(field.shape) for field in moving]
     for level in noise_levels:
         velocity, strain = (field + level * own for field, own in zip(moving, noise, strict=True))
-        yield {
-            "velocity_snapshots": velocity,
-            "density_snapshots": lifted.density(scene, strain),
-        }
+        yield {"velocity_snapshots": velocity, "density_snapshots": lifted.density(scene, strain)}
 
 
 def judge(
@@ -283,28 +280,21 @@ STUDY = Study(
         reads={"snapshots": ("poor_snapshots",)},
         places=lambda config: config["stability"]["poor_snapshots"].items(),
     ),
-    variables={
-        "noise": Variable(
-            ("noise",), "1", "noise of the snapshots, of the root mean square of each"
-        ),
-        "noise_error": Variable(
-            ("noise",), "1", "largest energy norm of the error of lifted_exact, of the largest norm"
-        ),
-        "noise_bound": Variable(("noise",), "1", "bound of the same error"),
-        "noise_original_error": Variable(
-            ("noise",),
-            "1",
-            "the same error of the original model, against full SPH; infinite if it broke",
-        ),
-        "defect": Variable(("defect_index",), "", "what is wrong with snapshots", str),
-        "defect_mode_count": Variable(("defect_index",), "1", "modes asked for", np.int32),
-        "defect_rank": Variable(("defect_index",), "1", "velocity modes that there are", np.int32),
-        "defect_error": Variable(
-            ("defect_index",),
-            "1",
-            "largest energy norm of the error of lifted_exact, NaN if refused",
-        ),
-        "defect_bound": Variable(("defect_index",), "1", "bound of the same error, NaN if refused"),
-        "defect_outcome": Variable(("defect_index",), "", "what became of the model", str),
-    },
+    variables=meanings(
+        """
+        noise (noise) [1]: noise of the snapshots, of the root mean square of each
+        noise_error (noise) [1]: largest energy norm of the error of lifted_exact, of the largest
+            norm
+        noise_bound (noise) [1]: bound of the same error
+        noise_original_error (noise) [1]: the same error of the original model, against full SPH;
+            infinite if it broke
+        defect (defect_index): what is wrong with snapshots
+        defect_mode_count (defect_index) [1] int32: modes asked for
+        defect_rank (defect_index) [1] int32: velocity modes that there are
+        defect_error (defect_index) [1]: largest energy norm of the error of lifted_exact, NaN if
+            refused
+        defect_bound (defect_index) [1]: bound of the same error, NaN if refused
+        defect_outcome (defect_index): what became of the model
+        """
+    ),
 )

@@ -40,10 +40,7 @@ Run = Callable[[], object]
 
 
 def measure(
-    scene: Scene,
-    particle_counts: Sequence[int],
-    mode_counts: Sequence[int],
-    repeats: int,
+    scene: Scene, particle_counts: Sequence[int], mode_counts: Sequence[int], repeats: int
 ) -> dict[str, np.ndarray]:
     """Time and memory of a step, of full and reduced models.
 

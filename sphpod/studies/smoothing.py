@@ -15,7 +15,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics.error import FIELDS, relative_error
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.scene.kernel import derivative_coefficient, dispersion_coefficient, neighbour_count
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import Dataset, Drawing, Study, scenes
@@ -148,26 +148,20 @@ STUDY = Study(
         caption="What the smoothing length changes: consistency, stability and errors.",
         reads={"scenes": ("smoothing",)},
     ),
-    variables={
-        "smoothing_ratio": Variable(("smoothing_ratio",), "1", "smoothing length in spacings"),
-        "scene_smoothing_ratio": Variable((), "1", "smoothing length of the scene, in spacings"),
-        "derivative_coefficient": Variable(
-            ("smoothing_ratio",), "1", "coefficient of the first derivative in that of SPH"
-        ),
-        "dispersion_coefficient": Variable(
-            ("smoothing_ratio",), "1", "coefficient of the third derivative in that of SPH"
-        ),
-        "neighbour_count": Variable(
-            ("smoothing_ratio",), "1", "neighbours on each side of a particle", np.int32
-        ),
-        "stable_time_step": Variable(
-            ("smoothing_ratio",), "s", "largest stable time step of leapfrog, undamped"
-        ),
-        "smoothing_velocity_error": Variable(
-            ("smoothing_ratio",), "1", "relative L2 error of the velocity of full SPH"
-        ),
-        "smoothing_density_error": Variable(
-            ("smoothing_ratio",), "1", "relative L2 error of the mass density of full SPH"
-        ),
-    },
+    variables=meanings(
+        """
+        smoothing_ratio (smoothing_ratio) [1]: smoothing length in spacings
+        scene_smoothing_ratio () [1]: smoothing length of the scene, in spacings
+        derivative_coefficient (smoothing_ratio) [1]: coefficient of the first derivative in that of
+            SPH
+        dispersion_coefficient (smoothing_ratio) [1]: coefficient of the third derivative in that of
+            SPH
+        neighbour_count (smoothing_ratio) [1] int32: neighbours on each side of a particle
+        stable_time_step (smoothing_ratio) [s]: largest stable time step of leapfrog, undamped
+        smoothing_velocity_error (smoothing_ratio) [1]: relative L2 error of the velocity of full
+            SPH
+        smoothing_density_error (smoothing_ratio) [1]: relative L2 error of the mass density of full
+            SPH
+        """
+    ),
 )

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from sphpod.numerics.expressions import Expression
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.rom import galerkin
 from sphpod.scene.scene import Scene
@@ -170,27 +170,17 @@ STUDY = Study(
         reads={"damping": ("damping_map",), "modes": ("mode_map",)},
         places=lambda config: config["stability"]["stability_map"].items(),
     ),
-    variables={
-        "map_integrator": Variable(
-            ("map_integrator_index",), "", "integrator of a stability map", str
-        ),
-        "map_damping": Variable(("map_damping",), "s-1", "damping coefficient of a stability map"),
-        "map_time_step": Variable(("map_time_step",), "s", "time step of a stability map"),
-        "map_growth": Variable(
-            ("map_integrator_index", "map_damping", "map_time_step"),
-            "1",
-            "logarithm of the growth of the amplitude in a step, measured in the full model",
-        ),
-        "map_limit": Variable(
-            ("map_integrator_index", "map_damping"), "s", "largest stable time step by the spectrum"
-        ),
-        "mode_growth": Variable(
-            ("contender_index", "mode_count", "map_time_step"),
-            "1",
-            "logarithm of the growth of the amplitude in a step, measured in a reduced model",
-        ),
-        "mode_limit": Variable(
-            ("contender_index", "mode_count"), "s", "largest stable time step of a reduced model"
-        ),
-    },
+    variables=meanings(
+        """
+        map_integrator (map_integrator_index): integrator of a stability map
+        map_damping (map_damping) [s-1]: damping coefficient of a stability map
+        map_time_step (map_time_step) [s]: time step of a stability map
+        map_growth (map_integrator_index, map_damping, map_time_step) [1]: logarithm of the growth
+            of the amplitude in a step, measured in the full model
+        map_limit (map_integrator_index, map_damping) [s]: largest stable time step by the spectrum
+        mode_growth (contender_index, mode_count, map_time_step) [1]: logarithm of the growth of the
+            amplitude in a step, measured in a reduced model
+        mode_limit (contender_index, mode_count) [s]: largest stable time step of a reduced model
+        """
+    ),
 )

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted, sph
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom, rom
 from sphpod.scene.scene import Scene
 from sphpod.stability.spectrum import (
@@ -467,22 +467,16 @@ STUDY = Study(
         caption="Stable time steps by the spectrum, beside those from which runs grow.",
         reads={"tables": ("time_steps", "reduced_time_steps")},
     ),
-    variables={
-        "predicted_time_step": Variable(
-            ("contender_index",),
-            "s",
-            "largest stable time step by the spectrum; NaN where there is none",
-        ),
-        "measured_time_step": Variable(
-            ("contender_index",), "s", "time step from which runs grow; NaN where all of them do"
-        ),
-        "predicted_growth_rate": Variable(
-            ("contender_index",),
-            "s-1",
-            "growth rate of the fastest wave by the spectrum, NaN if stable",
-        ),
-        "measured_growth_rate": Variable(
-            ("contender_index",), "s-1", "growth rate of the fastest wave in a run, NaN if stable"
-        ),
-    },
+    variables=meanings(
+        """
+        predicted_time_step (contender_index) [s]: largest stable time step by the spectrum; NaN
+            where there is none
+        measured_time_step (contender_index) [s]: time step from which runs grow; NaN where all of
+            them do
+        predicted_growth_rate (contender_index) [s-1]: growth rate of the fastest wave by the
+            spectrum, NaN if stable
+        measured_growth_rate (contender_index) [s-1]: growth rate of the fastest wave in a run, NaN
+            if stable
+        """
+    ),
 )

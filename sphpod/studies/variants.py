@@ -8,7 +8,7 @@ import numpy as np
 
 from sphpod.full import sph
 from sphpod.numerics.error import FIELDS, relative_error
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.reference import exact, reference
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import Dataset, Setting, Study
@@ -89,28 +89,19 @@ STUDY = Study(
     tables={"variants": ("studies.variants.rows", "variants")},
     settings={
         "runs": Setting(
-            dict[
-                str,
-                dict[str, dict[str, float]],
-            ],
+            dict[str, dict[str, dict[str, float]]],
             {},
             description="variants by name, of scenes by name: their particle_count, "
             "smoothing_ratio or time_step",
         )
     },
-    variables={
-        "variant": Variable(("variant_index",), "", "name of the variant, own for the scene", str),
-        "variant_particle_count": Variable(
-            ("variant_index",), "1", "particles of the variant", np.int32
-        ),
-        "variant_smoothing_ratio": Variable(
-            ("variant_index",), "1", "smoothing length of the variant, in spacings"
-        ),
-        "variant_velocity_error": Variable(
-            ("variant_index",), "1", "relative L2 error of full SPH in velocity"
-        ),
-        "variant_density_error": Variable(
-            ("variant_index",), "1", "relative L2 error of full SPH in density"
-        ),
-    },
+    variables=meanings(
+        """
+        variant (variant_index): name of the variant, own for the scene
+        variant_particle_count (variant_index) [1] int32: particles of the variant
+        variant_smoothing_ratio (variant_index) [1]: smoothing length of the variant, in spacings
+        variant_velocity_error (variant_index) [1]: relative L2 error of full SPH in velocity
+        variant_density_error (variant_index) [1]: relative L2 error of full SPH in density
+        """
+    ),
 )

@@ -424,10 +424,7 @@ def test_the_last_singular_value_is_grey_where_those_before_it_are() -> None:
     turned[-1] = 1e-14
     many = pod(80, 80)
     for field in plotting.FIELDS:
-        many |= {
-            f"{field}_span_rounding": turned,
-            f"{field}_singular_values": 0.8 ** np.arange(80),
-        }
+        many |= {f"{field}_span_rounding": turned, f"{field}_singular_values": 0.8 ** np.arange(80)}
     left = plotting.error(many, sweep(), errors(), "fd").axes[0]
     (inset,) = left.child_axes
     assert isinstance(inset, Axes)

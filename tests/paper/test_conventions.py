@@ -115,11 +115,7 @@ def cut_down():
 def results():
     """All that the studies may read, by path, as the workflow would make it."""
     study, found = cut_down(), {}
-    solvers = {
-        "fd": reference.solve_paper,
-        "exact": exact.solve,
-        "modified": exact.solve_modified,
-    }
+    solvers = {"fd": reference.solve_paper, "exact": exact.solve, "modified": exact.solve_modified}
     for name, settings in study["scenes"].items():
         scene, kinds = Scene.from_settings(name, settings), settings["references"]
         full = sph.solve(scene, np.arange(scene.step_count + 1))

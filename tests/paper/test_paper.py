@@ -15,11 +15,7 @@ from sphpod.scene.scene import Scene
 
 ROOT = Path(__file__).parents[2]
 PAPER = config.load([ROOT / "config" / "config.yaml"])
-SOLVERS = {
-    "fd": reference.solve_paper,
-    "exact": exact.solve,
-    "modified": exact.solve_modified,
-}
+SOLVERS = {"fd": reference.solve_paper, "exact": exact.solve, "modified": exact.solve_modified}
 FIELDS = ("velocity", "density")
 
 AGAINST_EXACT = {

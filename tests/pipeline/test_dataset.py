@@ -91,10 +91,7 @@ def test_a_file_describes_itself(tmp_path):
         assert file.attrs["settings"] == json.dumps(SETTINGS, sort_keys=True)
         assert file.velocity.dims == ("t", "x")
         assert file.velocity.dtype == np.float64
-        assert file.velocity.attrs == {
-            "units": "m s-1",
-            "long_name": "velocity of the particles",
-        }
+        assert file.velocity.attrs == {"units": "m s-1", "long_name": "velocity of the particles"}
         assert "_FillValue" not in file.velocity.encoding
 
 
@@ -293,3 +290,25 @@ def test_a_checker_of_cf_finds_nothing(tmp_path):
     program = ["compliance-checker", "--test=cf:1.11", "--criteria=strict"]
     run = subprocess.run([*program, tmp_path / "sph.nc"], capture_output=True, text=True)
     assert run.returncode == 0, run.stdout
+
+
+def test_a_table_says_what_names_mean():
+    found = dataset.meanings("""
+        peak (t, x) [m s-1] along t0: the largest velocity, of
+            all there are
+        count () [1] int32: how many
+        model (model_index): which: one
+    """)
+    assert found == {
+        "peak": dataset.Variable(
+            ("t", "x"), "m s-1", "the largest velocity, of all there are", coordinates="t0"
+        ),
+        "count": dataset.Variable((), "1", "how many", np.int32),
+        "model": dataset.Variable(("model_index",), "", "which: one", str),
+    }
+
+
+@pytest.mark.parametrize("table", ["a (t) [s] time", "a (t) [s]: time\na (t) [s]: once more"])
+def test_a_table_without_a_meaning_or_with_two_is_refused(table):
+    with pytest.raises(ValueError, match="is no variable of its own"):
+        dataset.meanings(table)

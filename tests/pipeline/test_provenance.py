@@ -1,7 +1,6 @@
 """Code digests: complete, and blind to what computes nothing."""
 
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -17,15 +16,6 @@ FUNCTIONS = {
     "pod": "reduced.pod.decompose",
     "figure": "figures.plotting.profile",
 }
-
-
-@pytest.fixture
-def package(tmp_path, monkeypatch):
-    """A copy of the package to edit; its digests are taken afresh every time."""
-    copy = tmp_path / "sphpod"
-    shutil.copytree(provenance.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(provenance, "PACKAGE", copy)
-    return copy
 
 
 def digest(name):

@@ -29,10 +29,10 @@ COMPUTED = {
 EDITS = {
     "a variable of a new study": (
         "pipeline/dataset.py",
-        '    "t": Variable(',
-        '    "new": Variable(("t",), "1", "what a new study computes"),\n    "t": Variable(',
+        "\nt (t) [s]: time\n",
+        "\nt (t) [s]: time\nnew (t) [1]: what a new study computes\n",
     ),
-    "the meaning of a variable": ("pipeline/dataset.py", '"strain of the particles"', '"strain"'),
+    "the meaning of a variable": ("pipeline/dataset.py", "strain of the particles", "strain"),
     "the meaning of a study's variable": (
         "studies/growth.py",
         "time over which explicit Euler runs",
@@ -68,15 +68,6 @@ def digest():
 @pytest.fixture(scope="module")
 def before():
     return digest()
-
-
-@pytest.fixture
-def package(tmp_path, monkeypatch):
-    """A copy of the package to edit."""
-    copy = tmp_path / "sphpod"
-    shutil.copytree(provenance.PACKAGE, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(provenance, "PACKAGE", copy)
-    return copy
 
 
 @pytest.mark.parametrize("edit", EDITS)

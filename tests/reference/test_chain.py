@@ -12,10 +12,7 @@ from sphpod.scene.breakdown import Breakdown
 WAVE = {"initial_velocity": "1e-2*sin(2*pi*x/L)", "duration": 2, "error_interval": 0.1}
 
 
-DRIVEN = {
-    "damping": 0.7,
-    "force": {"time": "1e-2*cos(3*t)", "profile": "cos(2*pi*x/L)"},
-}
+DRIVEN = {"damping": 0.7, "force": {"time": "1e-2*cos(3*t)", "profile": "cos(2*pi*x/L)"}}
 
 
 @pytest.mark.parametrize("changes", [{}, DRIVEN])

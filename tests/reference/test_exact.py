@@ -183,11 +183,7 @@ def test_turns_with_the_line(changes):
         return re.sub(r"\bx\b", "((x - 9/32) % L)", str(text))
 
     turned = dict(changes)
-    for key, plain in (
-        ("initial_velocity", WAVY),
-        ("initial_density", 2),
-        ("youngs_modulus", 0.3),
-    ):
+    for key, plain in (("initial_velocity", WAVY), ("initial_density", 2), ("youngs_modulus", 0.3)):
         turned[key] = moved(changes.get(key, plain))
     if isinstance(changes.get("force"), dict):
         force = changes["force"]

@@ -248,10 +248,7 @@ def test_damping_beyond_its_limit_grows():
 
 
 REFUSED = {
-    "jitter": (
-        {"positions": {"jitter": 0.5}},
-        "positions.jitter = 0.5: it must be from 0",
-    ),
+    "jitter": ({"positions": {"jitter": 0.5}}, "positions.jitter = 0.5: it must be from 0"),
     "jittered wrap": (
         {"positions": {"jitter": 0.1}, "particle_count": 5, "smoothing_ratio": 1.3},
         "smoothing_ratio = 1.3: of jittered particles .* at most 1.25 is possible",

@@ -1,12 +1,10 @@
 """The bars of config/bars.yaml, made small, through the pipeline."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+import runs
 import xarray as xr
 import yaml
 
@@ -28,15 +26,8 @@ def built(tmp_path_factory):
     for scene in settings["scenes"].values():
         scene["samplings"] = {"some": {"range": [0, 1], "count": 10}}
     (folder / "bars.yaml").write_text(yaml.safe_dump(settings), encoding="utf-8")
-    files = ["--snakefile", str(ROOT / "Snakefile"), "--configfile", "bars.yaml"]
-    run = subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", "2", "all", "lifted", *files],
-        cwd=folder,
-        env=os.environ,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    files = ["--snakefile", ROOT / "Snakefile", "--configfile", "bars.yaml"]
+    run = runs.run(folder, "all", "lifted", *files)
     assert run.returncode == 0, run.stderr
     return folder / "bars"
 

@@ -1,12 +1,10 @@
 """Targets that nothing makes, and studies that do not apply to a scene, are refused by name."""
 
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
+import runs
 
 from sphpod.pipeline import targets
 
@@ -71,15 +69,8 @@ def test_no_pattern_of_the_unknown_is_of_what_is_made():
 
 def said_of(folder, config, target):
     """What a dry run says of a target, in one sentence."""
-    files = ["--snakefile", str(ROOT / "Snakefile"), "--configfile", str(ROOT / "config" / config)]
-    run = subprocess.run(
-        [sys.executable, "-m", "snakemake", "--cores", "1", "--dry-run", *files, "--", target],
-        cwd=folder,
-        env=os.environ,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    files = ["--snakefile", ROOT / "Snakefile", "--configfile", ROOT / "config" / config]
+    run = runs.run(folder, "--dry-run", *files, "--", target)
     assert run.returncode == 1, run.stdout
     assert "Traceback" not in run.stderr
     (said,) = (line for line in run.stderr.splitlines() if line.startswith("sphpod: "))

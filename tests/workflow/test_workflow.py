@@ -6,7 +6,6 @@ import os
 import re
 import shutil
 import subprocess
-import sys
 import time
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
@@ -14,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+import runs
 import xarray as xr
 import yaml
 
@@ -37,20 +37,9 @@ LIFTED = {"lifted_full", "lifted_pod", "lifted_model", "thresholds", "table", "p
 MEASURED = {"benchmark", "scaling", "skipping"}
 
 
-def command(*arguments):
-    return [sys.executable, "-m", "snakemake", "--cores", "2", *map(str, arguments)]
-
-
 def snakemake(folder, *arguments, **environment):
     """Run Snakemake on config/small.yaml in a copy of the project."""
-    return subprocess.run(
-        command("--configfile", "config/small.yaml", *arguments),
-        cwd=folder,
-        env=os.environ | environment,
-        capture_output=True,
-        text=True,
-        check=False,
-    )
+    return runs.run(folder, "--configfile", "config/small.yaml", *arguments, **environment)
 
 
 def copy_of_project(folder, original=ROOT):
@@ -168,35 +157,24 @@ def test_modes_that_are_borrowed_are_made_of_the_lenders_and_made_anew_with_them
     targets = [
         f"borrowed/results/between/both/{method}/k6.nc" for method in ("original", "lifted_exact")
     ]
-    run = subprocess.run(
-        command(*config, "--", *targets), cwd=built, capture_output=True, text=True, check=False
-    )
+    run = runs.run(built, *config, "--", *targets)
     assert run.returncode == 0, run.stderr
     lifted = dataset.read(built / targets[1])
     assert 0 < lifted["energy_error_lifted"] <= lifted["energy_error_bound"] < 0.1
     changed = ["--config", "scenes={hard: {samplings: {uniform10: {count: 9}}}}"]
-    run = subprocess.run(
-        command("--dry-run", *config, *changed, "--", *targets),
-        cwd=built, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    run = runs.run(built, "--dry-run", *config, *changed, "--", *targets)
     table = run.stdout.partition("Job stats:")[2].partition("total")[0]
     assert set(re.findall(r"^(\w+) +\d+$", table, re.MULTILINE)) == {
         "sph", "snapshots", "pod", "lifted_pod", "reduced_model", "lifted_model",
     }  # fmt: skip
-    run = subprocess.run(
-        command("--dry-run", *config, "--", "borrowed/results/between/both/snapshots.nc"),
-        cwd=built, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    run = runs.run(built, "--dry-run", *config, "--", "borrowed/results/between/both/snapshots.nc")
     assert (
         "sampling = both: it has no snapshots of its own; its modes are of those of" in run.stderr
     )
     # Studies leave out what they have no snapshots of.
     settings["stability"] = {"stability_map": {"between": "both"}, "smoothing_ratios": [1.04, 1.2]}
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings))
-    run = subprocess.run(
-        command("--dry-run", *config, "--", "all", "lifted", "stability", "benchmarks"),
-        cwd=built, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    run = runs.run(built, "--dry-run", *config, "--", "all", "lifted", "stability", "benchmarks")
     said = run.stdout + run.stderr
     assert run.returncode == 0, said
     assert "between/both/mode_map.nc" in said
@@ -676,7 +654,7 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
     for finished_jobs in (1, 4):
         with log.open("w") as output:
             run = subprocess.Popen(
-                command("--configfile", "config/small.yaml", "--", *targets),
+                runs.command("--configfile", "config/small.yaml", "--", *targets),
                 cwd=folder,
                 stdout=output,
                 stderr=output,
@@ -696,123 +674,92 @@ def test_a_killed_run_goes_on_to_the_same_bytes(built, tmp_path):
     assert remade == {path: undisturbed[path] for path in remade}
 
 
+REFUSED_PATHS = {
+    "results/nowhere/sph.nc": "scene = nowhere: allowed are waves, ",
+    "results/waves/nowhen/pod.nc": "scene waves: sampling = nowhen: allowed are un",
+    "results/waves/uniform10/original/k0.nc": "scene waves: modes = 0: ",
+    "results/waves/uniform10/original/k5-3.nc": "scene waves: modes = 5-3: ",
+    "results/waves/uniform10/original/k999.nc": "scene waves: modes = 999: ",
+    "results/waves/uniform10/frozen0/k2.nc": "scene waves: method = frozen0: ",
+    "results/waves/uniform10/lifted_exact/k3+5.nc": (
+        "scene waves: modes = 3+5: lifted models have one number of modes"
+    ),
+    "results/waves/uniform10/original/k11+5.nc": (
+        "scene waves: modes = 11+5: more velocity modes than there are"
+    ),
+    "results/waves/uniform10/frozen2/k3+11.nc": (
+        "scene waves: modes = 3+11: more density modes than there are"
+    ),
+    "results/graded/reference_exact.nc": "scene graded: reference = exact: allowed",
+    "results/graded/random12/cpu_time.nc": "scene graded: acceleration = random12: ",
+    "results/waves/uniform10/lifted_fast/k2.nc": (
+        "scene waves: method = lifted_fast: allowed are original, linearized, frozen1"
+    ),
+    "results/waves/uniform10/lifted_exact/tolx.nc": (
+        "scene waves: tolerance = x: it must be a number above 0 and below 1, such as 1e-2"
+    ),
+    "results/waves/uniform10/lifted_exact/tol2.nc": (
+        "scene waves: tolerance = 2: it must be a number above 0 and below 1"
+    ),
+    "results/waves/uniform10/lifted_euler/tol1e-2.nc": (
+        "scene waves: method = lifted_euler: did you mean lifted_exact? allowed are lifted_"
+    ),
+    "results/graded/random12/benchmark.nc": "scene graded: acceleration = random12: ",
+    "results/graded/scaling.nc": "scene = graded: this needs one without damping, force or layers",
+    "figures/nothing.pdf": "figure = nothing: allowed are ",
+    "results/damped_forced/growth.nc": (
+        "scene = damped_forced: this needs one without damping, force and start"
+    ),
+    "results/waves/uniform10/long_run/k11.nc": (
+        "scene waves: modes = 11: more modes than the larger snapshot set of sampling"
+    ),
+    "results/two_moduli/few/pod.nc": "scene two_moduli: sampling = few: there",
+    "results/damped_forced/few/lifted_exact/k6.nc": (
+        "scene damped_forced: modes = 6: more modes than the larger snapshot set of sampling "
+        "few holds; allowed are 1 to 5"
+    ),
+    "results/waves/uniform10/frozen9999999999999999/k2.nc": (
+        "scene waves: method = frozen9999999999999999: allowed are original"
+    ),
+    "results/claim.csv": "results: file = claim.csv: did you mean claims.csv?",
+    "results/waves/errorss.nc": "results/waves: file = errorss.nc: did you mean errors.nc?",
+    "results/waves/pod.nc": (
+        "file = results/waves/pod.nc: there is one in each results/waves/{sampling}"
+    ),
+    "results/waves/uniform10/podd.nc": (
+        "results/waves/uniform10: file = podd.nc: did you mean pod.nc?"
+    ),
+    "results/waves/uniform10/original/m2.nc": (
+        "results/waves/uniform10/original: file = m2.nc: allowed are k{modes}.nc, tol"
+    ),
+    "figures/waves_profile.svg": "figure = waves_profile.svg: did you mean waves_profile.pdf?",
+}
+
+REFUSED_SETTINGS = {
+    "scenes={waves: {time_step: 0}}": "scene waves: time_step = 0: ",
+    "output=/": "output = /: ",
+    "output=Snakefile": "output = Snakefile: Snakefile is a file; it must be",
+    "output=Snakefile/x": "output = Snakefile/x: Snakefile is a file",
+    "output=/dev/null": "output = /dev/null: /dev/null is a file; it must be",
+    "benchmark={repeats: 0}": "benchmark.repeats = 0: it must be at least 1",
+    "memory=1e-4": "scene waves: error_interval = 0.01: 101 outputs of 40",
+    "illustrations=[{kind: spring, name: stability_time_steps}]": (
+        "figure = stability_time_steps: this is the name of study time_steps and of kind"
+    ),
+    "illustrations=[{kind: spring, name: benchmark_scaling}]": (
+        "figure = benchmark_scaling: this is the name of study scaling and of kind"
+    ),
+}
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["--", "small/results/nowhere/sph.nc"], "scene = nowhere: allowed are waves, "),
-        (
-            ["--", "small/results/waves/nowhen/pod.nc"],
-            "scene waves: sampling = nowhen: allowed are un",
-        ),
-        (["--", "small/results/waves/uniform10/original/k0.nc"], "scene waves: modes = 0: "),
-        (["--", "small/results/waves/uniform10/original/k5-3.nc"], "scene waves: modes = 5-3: "),
-        (["--", "small/results/waves/uniform10/original/k999.nc"], "scene waves: modes = 999: "),
-        (["--", "small/results/waves/uniform10/frozen0/k2.nc"], "scene waves: method = frozen0: "),
-        (
-            ["--", "small/results/waves/uniform10/lifted_exact/k3+5.nc"],
-            "scene waves: modes = 3+5: lifted models have one number of modes",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/original/k11+5.nc"],
-            "scene waves: modes = 11+5: more velocity modes than there are",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/frozen2/k3+11.nc"],
-            "scene waves: modes = 3+11: more density modes than there are",
-        ),
-        (
-            ["--", "small/results/graded/reference_exact.nc"],
-            "scene graded: reference = exact: allowed",
-        ),
-        (
-            ["--", "small/results/graded/random12/cpu_time.nc"],
-            "scene graded: acceleration = random12: ",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/lifted_fast/k2.nc"],
-            "scene waves: method = lifted_fast: allowed are original, linearized, frozen1",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/lifted_exact/tolx.nc"],
-            "scene waves: tolerance = x: it must be a number above 0 and below 1, such as 1e-2",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/lifted_exact/tol2.nc"],
-            "scene waves: tolerance = 2: it must be a number above 0 and below 1",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/lifted_euler/tol1e-2.nc"],
-            "scene waves: method = lifted_euler: did you mean lifted_exact? allowed are lifted_",
-        ),
-        (
-            ["--", "small/results/graded/random12/benchmark.nc"],
-            "scene graded: acceleration = random12: ",
-        ),
-        (
-            ["--", "small/results/graded/scaling.nc"],
-            "scene = graded: this needs one without damping, force or layers",
-        ),
-        (["--", "small/figures/nothing.pdf"], "figure = nothing: allowed are "),
-        (
-            ["--", "small/results/damped_forced/growth.nc"],
-            "scene = damped_forced: this needs one without damping, force and start",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/long_run/k11.nc"],
-            "scene waves: modes = 11: more modes than the larger snapshot set of sampling",
-        ),
-        (["--config", "scenes={waves: {time_step: 0}}"], "scene waves: time_step = 0: "),
-        (["--config", "output=/"], "output = /: "),
-        (["--config", "output=Snakefile"], "output = Snakefile: Snakefile is a file; it must be"),
-        (["--config", "output=Snakefile/x"], "output = Snakefile/x: Snakefile is a file"),
-        (["--config", "output=/dev/null"], "output = /dev/null: /dev/null is a file; it must be"),
-        (["--config", "benchmark={repeats: 0}"], "benchmark.repeats = 0: it must be at least 1"),
-        (["--config", "memory=1e-4"], "scene waves: error_interval = 0.01: 101 outputs of 40"),
-        (
-            ["--", "small/results/two_moduli/few/pod.nc"],
-            "scene two_moduli: sampling = few: there",
-        ),
-        (
-            ["--config", "illustrations=[{kind: spring, name: stability_time_steps}]"],
-            "figure = stability_time_steps: this is the name of study time_steps and of kind",
-        ),
-        (
-            ["--config", "illustrations=[{kind: spring, name: benchmark_scaling}]"],
-            "figure = benchmark_scaling: this is the name of study scaling and of kind",
-        ),
-        (
-            ["--", "small/results/damped_forced/few/lifted_exact/k6.nc"],
-            "scene damped_forced: modes = 6: more modes than the larger snapshot set of sampling "
-            "few holds; allowed are 1 to 5",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/frozen9999999999999999/k2.nc"],
-            "scene waves: method = frozen9999999999999999: allowed are original",
-        ),
-        (["--", "small/results/claim.csv"], "results: file = claim.csv: did you mean claims.csv?"),
-        (
-            ["--", "small/results/waves/errorss.nc"],
-            "results/waves: file = errorss.nc: did you mean errors.nc?",
-        ),
-        (
-            ["--", "small/results/waves/pod.nc"],
-            "file = results/waves/pod.nc: there is one in each results/waves/{sampling}",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/podd.nc"],
-            "results/waves/uniform10: file = podd.nc: did you mean pod.nc?",
-        ),
-        (
-            ["--", "small/results/waves/uniform10/original/m2.nc"],
-            "results/waves/uniform10/original: file = m2.nc: allowed are k{modes}.nc, tol",
-        ),
-        (
-            ["--", "small/figures/waves_profile.svg"],
-            "figure = waves_profile.svg: did you mean waves_profile.pdf?",
-        ),
+        *((["--", f"small/{path}"], sentence) for path, sentence in REFUSED_PATHS.items()),
         (["--", "liftd"], "target = liftd: did you mean lifted?"),
+        *((["--config", text], sentence) for text, sentence in REFUSED_SETTINGS.items()),
     ],
-    ids=lambda value: value[-1] if isinstance(value, list) else "",
+    ids=[*REFUSED_PATHS, "liftd", *REFUSED_SETTINGS],
 )
 def test_bad_input_stops_before_any_job(built, arguments, sentence):
     run = snakemake(built, *arguments)
@@ -847,7 +794,7 @@ def test_figures_of_scenes_and_samplings_whose_joined_names_are_one_have_two(
     settings = {"output": "own", "scenes": scenes, "stability": stability}
     (tmp_path / "own.yaml").write_text(yaml.safe_dump(settings, sort_keys=False))
     config = ["--dry-run", "--configfile", str(tmp_path / "own.yaml"), "--", target]
-    run = subprocess.run(command(*config), cwd=built, capture_output=True, text=True, check=False)
+    run = runs.run(built, *config)
     said = run.stdout + run.stderr
     assert run.returncode == 0, said
     figures = set(re.findall(r"own/figures/([\w-]+)\.pdf", said))
@@ -880,10 +827,7 @@ def test_captions_and_sections_of_a_report_are_text(built, tmp_path):
     folder = tmp_path / "text.yaml"
     folder.write_text(yaml.safe_dump({"output": "text", "scenes": own}))
     for more in ([], ["--report", "text.html"]):
-        run = subprocess.run(
-            command("--configfile", str(folder), *more),
-            cwd=built, capture_output=True, text=True, check=False,
-        )  # fmt: skip
+        run = runs.run(built, "--configfile", str(folder), *more)
         assert run.returncode == 0, run.stderr
     report = (built / "text.html").read_text()
     assert ".. include:: /etc/passwd .. raw:: html &lt;script&gt;alert(1)" in report
@@ -910,7 +854,7 @@ rule mine:
     shell: "echo {{input}} > {{output}}"
 '''
     )
-    run = subprocess.run(command(), cwd=tmp_path, capture_output=True, text=True, check=False)
+    run = runs.run(tmp_path)
     assert run.returncode == 0, run.stderr
     theirs, ours = (
         dataset.read(root / "small/results/waves/errors.nc") for root in (tmp_path, built)
@@ -977,10 +921,7 @@ def test_an_output_that_cannot_be_made_is_refused_before_any_job(built):
     settings = yaml.safe_load((built / "config/small.yaml").read_text()) | {"output": "/proc/x"}
     path = built / "nowhere.yaml"
     path.write_text(yaml.safe_dump({key: settings[key] for key in ("output", "scenes")}))
-    run = subprocess.run(
-        command("--configfile", str(path), "--", "/proc/x/results/waves/sph.nc"),
-        cwd=built, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+    run = runs.run(built, "--configfile", str(path), "--", "/proc/x/results/waves/sph.nc")
     assert "sphpod: output = /proc/x: this folder cannot be made (" in run.stderr
     assert "Traceback" not in run.stderr
 

@@ -17,12 +17,7 @@ from sphpod.paper import claims, paper, summary
 from sphpod.reference import exact
 from sphpod.pipeline import provenance, targets
 from sphpod.reduced import snapshots
-from sphpod.config.config import (
-    ConfigError,
-    check_modes,
-    distinct_names,
-    load,
-)
+from sphpod.config.config import ConfigError, check_modes, distinct_names, load
 from sphpod.config.mode_counts import parse_modes, parse_pair, parse_tolerance, usual_sweep
 from sphpod.config.reading import typed
 from sphpod.scene.kernel import derivative_coefficient
