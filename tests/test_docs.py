@@ -31,6 +31,7 @@ DOCUMENTS = {
         ROOT / "README.md",
         ROOT / "CHANGELOG.md",
         ROOT / "CONTRIBUTING.md",
+        ROOT / "config" / "README.md",
         ROOT / "figures" / "README.md",
         *sorted((ROOT / "docs").glob("*.md")),
     )
@@ -171,6 +172,13 @@ def schema_unit(field: Mapping[str, Any]) -> str | None:
 
 
 # --- Adding a scene -------------------------------------------------------------------------------
+
+
+def test_what_the_configuration_folder_shows_is_accepted(tmp_path):
+    (block,) = blocks(DOCUMENTS["config/README.md"], "yaml")
+    path = tmp_path / "mine.yaml"
+    path.write_text(block, encoding="utf-8")
+    assert config.load([path])["output"] == "mine"
 
 
 def test_example_scene_is_accepted(example):

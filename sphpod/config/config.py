@@ -31,6 +31,7 @@ from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usu
 from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
 from sphpod.config.scene_section import (
     FIGURES,
+    MOST_TIME_STEPS,
     AnySampling,
     Scene,
     error_interval,
@@ -47,8 +48,8 @@ from sphpod.reference import exact
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
 
-LARGEST_COUNTS = {"time_step": 10**9, "error_interval": 10**6}
-"""How often a key may fit in the duration, so that a slip of the pen does not fill the memory."""
+LARGEST_COUNTS = {"time_step": MOST_TIME_STEPS, "error_interval": 10**6}
+"""How often a key may fit in the duration."""
 
 
 def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -231,7 +232,7 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
         checks.check(physics)
     except ValueError as error:
         by_default = "error_interval" not in settings and "error_interval =" in str(error)
-        hint = " (this is the default T/10000; another can be set)" if by_default else ""
+        hint = " (this is the default; another can be set)" if by_default else ""
         raise ConfigError(f"{error}{hint}") from error
     if physics.start:
         scene["start"] = {**scene["start"], "checksum": physics.start.checksum}
