@@ -382,7 +382,7 @@ def _resolved_figure(
             f"it must be at least 0 and below L = {scene['domain_length']}",
         )
     interval = scene["error_interval"]
-    if not 2 * interval <= figure.get("end_time", scene["duration"]) <= scene["duration"]:
+    if "end_time" in figure and not 2 * interval <= figure["end_time"] <= scene["duration"]:
         raise refusal(
             name,
             f"{key}.end_time",

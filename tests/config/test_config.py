@@ -175,6 +175,11 @@ def test_defaults(load):
     assert scene["figures"][0]["fields"] == ["initial_velocity", "velocity"]
 
 
+def test_errors_may_be_summed_over_the_end_alone(load):
+    resolved = load(wave(error_interval=1, samplings={}))
+    assert resolved["scenes"]["wave"]["figures"][0]["kind"] == "profile"
+
+
 @pytest.mark.parametrize(
     ("duration", "time_step", "intervals"),
     [(10, 1e-3, 10000), (8, 5e-4, 8000), (1, 2e-3, 500), (6, 5e-4, 6000), (10, 3.2e-4, 6250)],
