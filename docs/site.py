@@ -60,13 +60,13 @@ def gallery():
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Links to files that are no pages become their names."""
+    """Links to README and CONTRIBUTING lead to their pages, those to files that are none to nothing."""
+    places = {source: page for page, source in PAGES.items()}
+    known = {"", *(file.src_uri for file in files)}
 
     def checked(match):
-        text, target = match[1], match[2].partition("#")[0]
-        known = {file.src_uri for file in files}
-        if not target or target in known:
-            return match[0]
-        return text
+        text, (target, *anchor) = match[1], match[2].split("#")
+        target = places.get(target.removeprefix("../"), target)
+        return f"[{text}]({'#'.join([target, *anchor])})" if target in known else text
 
     return re.sub(r"(?<!!)\[([^\]]+)\]\(((?!https?:)[^)\s]+)\)", checked, markdown)

@@ -208,6 +208,22 @@ def test_every_key_is_explained_with_its_unit(schema):
                 assert (key, unit.split(", ")[0]) == (key, expected)
 
 
+def test_every_kind_of_figure_is_in_the_table_of_keys():
+    (row,) = [row for row in rows(DOCUMENTS["docs/adding-a-scene.md"], "Key") if row[0] == "`kind`"]
+    assert set(quoted(row[1])) == set(config.FIGURES)
+
+
+def test_every_key_and_quantity_of_a_survey_is_explained():
+    document = DOCUMENTS["docs/parameter-studies.md"]
+    survey = refusals.node_at(refusals.written_out(configuration.schema()), ("surveys", "one"))
+    explained = [key for row in rows(document, "Key") for key in quoted(row[0])]
+    assert sorted(explained) == sorted(refusals.keys_of(survey))
+    quantity = refusals.node_at(survey, ("quantities", "one"))
+    kinds = [refusals.keys_of(kind)["kind"]["const"] for kind in refusals.branches(quantity)]
+    listed = [kind for row in rows(document, "Quantity") for kind in quoted(row[0])]
+    assert sorted(listed) == sorted(kinds)
+
+
 CONDITIONAL = ("sampling", "position")
 """Keys of a figure that only some kinds have, and need."""
 
