@@ -951,6 +951,8 @@ def test_a_browser_opens_the_report_without_a_network(built):
     assert not errors
     for words in ("Claims", "undamped", "claims that are checked"):
         assert words in page
+    # The layout of narrow windows outlasts the opening text, with which it comes.
+    assert page.index("@media (max-width: 640px)") < page.index("</head>")
 
 
 def test_a_browser_shows_the_claims_as_a_table(built):
