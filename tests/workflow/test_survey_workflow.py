@@ -56,6 +56,15 @@ def test_a_survey_gives_answers_tables_and_figures(surveyed) -> None:
     assert not answers["reason"].astype(bool).any()
 
 
+def test_the_report_shows_the_figures_of_a_survey(surveyed) -> None:
+    run = snakemake(surveyed, "--report", "report.html", "--", "surveys")
+    assert run.returncode == 0, run.stderr
+    report = (surveyed / "report.html").read_text()
+    for path in (surveyed / FOLDER).glob("*.png"):
+        assert f"{FOLDER.name}/{path.name}" in report
+    assert "Errors, estimates and bounds of random queries" in report
+
+
 def test_nothing_of_a_survey_is_done_twice(surveyed) -> None:
     assert "Nothing to be done" in snakemake(surveyed, "--", "surveys").stderr
 
