@@ -53,10 +53,15 @@ def gallery():
     )
     if others:
         parts.append("## Run time and stability")
-        parts += [f"![{name}](figures/{name}.png)" for name in others]
+        parts += [f"![{name}](figures/{name}.png)\n\n{_words(name)}" for name in others]
     if not shown:
         parts.append("There are none yet: `make figures` builds them.")
     return "\n\n".join(parts) + "\n"
+
+
+def _words(name):
+    """Which study, and of which scene and sampling."""
+    return name.replace("_", " ").capitalize()
 
 
 def on_page_markdown(markdown, page, config, files):

@@ -315,6 +315,13 @@ def test_quick_start_prints_what_it_says(document, tmp_path, monkeypatch, capsys
         assert Path(drawn).stat().st_size > 5000, drawn
 
 
+def test_every_public_name_is_on_its_page():
+    shown = re.findall(r"^::: ([\w.]+)$", DOCUMENTS["docs/api.md"], re.M)
+    for name in set(sphpod.__all__) - {"__version__"}:
+        home = getattr(sphpod, name).__module__
+        assert {home, f"{home}.{name}"} & set(shown), name
+
+
 def test_make_targets_exist():
     makefile = (ROOT / "Makefile").read_text(encoding="utf-8")
     for text in DOCUMENTS.values():
