@@ -65,7 +65,7 @@ def _words(name):
 
 
 def on_page_markdown(markdown, page, config, files):
-    """Links to README and CONTRIBUTING lead to their pages, those to files that are none to nothing."""
+    """Links to README and CONTRIBUTING lead to their pages, links to other files become text."""
     places = {source: page for page, source in PAGES.items()}
     known = {"", *(file.src_uri for file in files)}
 

@@ -420,7 +420,8 @@ def test_every_rule_has_its_place_in_the_profile():
     placed = set(profile["groups"]) | set(profile["set-resources"])
     assert placed <= rules - local
     # A study that is not named there is a job of the queue by itself.
-    assert rules - local - placed <= {name for study in studies().values() for name in study.datasets}
+    of_studies = {name for study in studies().values() for name in study.datasets}
+    assert rules - local - placed <= of_studies
     timed = {name for name, given in profile["set-resources"].items() if "slurm_extra" in given}
     alone = {
         name for study in studies().values() for name, data in study.datasets.items() if data.alone
