@@ -8,6 +8,7 @@ import shlex
 import shutil
 import subprocess
 import sys
+import textwrap
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -189,6 +190,28 @@ def test_example_scene_is_accepted(example):
     assert {figure["kind"] for figure in scene["figures"]} >= {"profile", "error", "acceleration"}
 
 
+def test_coefficients_in_time_are_accepted_as_written(example):
+    settings = config.read_yaml(example)
+    _, block = blocks(DOCUMENTS["docs/adding-a-scene.md"], "yaml")
+    settings["scenes"]["shaker"] |= yaml.safe_load(textwrap.dedent(block))
+    example.write_text(yaml.safe_dump(settings))
+    assert "t < 4" in config.load([example])["scenes"]["shaker"]["damping"]
+
+
+def test_surveys_are_accepted_as_written(tmp_path):
+    worked = config.read_yaml(ROOT / "config" / "surveys.yaml")
+    written = blocks(DOCUMENTS["docs/parameter-studies.md"], "yaml")
+    scene, uncertain, survey, design = (yaml.safe_load(textwrap.dedent(one)) for one in written)
+    scenes, surveys = worked["scenes"], survey["surveys"]
+    scenes["graded_bar"] |= scene["scenes"]["graded_bar"]
+    surveys["soft_inclusion"] = worked["surveys"]["soft_inclusion"] | design
+    path = tmp_path / "surveys.yaml"
+    for parameters in ({}, uncertain):
+        scenes["graded_bar"]["parameters"] |= parameters
+        path.write_text(yaml.safe_dump({"scenes": scenes, "surveys": surveys}))
+        assert set(config.load([path])["surveys"]) == {"graded_bar", "soft_inclusion"}
+
+
 def test_every_key_is_explained_with_its_unit(schema):
     table = groups(DOCUMENTS["docs/adding-a-scene.md"], "Key")
     assert list(table) == ["Scene", "Sampling", "Acceleration", "Figure"]
@@ -259,8 +282,11 @@ def snakemake_commands() -> list[list[str]]:
         for block in blocks(text, "sh")
         for line in block.split("\n")
     ]
-    split = [tuple(shlex.split(line, comments=True)) for line in lines]
-    return [list(words[1:]) for words in dict.fromkeys(split) if words[:1] == ("snakemake",)]
+    # What is in brackets stands for words of one's own.
+    bare = (re.sub(r"\[.*?\]", "", line) for line in lines)
+    split = [tuple(shlex.split(line, comments=True)) for line in bare]
+    programs = ("snakemake",), (".venv/bin/snakemake",)
+    return [list(words[1:]) for words in dict.fromkeys(split) if words[:1] in programs]
 
 
 def test_commands_are_understood():
@@ -298,6 +324,30 @@ def test_targets_are_known_to_the_workflow(example):
             text=True,
         )
         assert run.returncode == 0, run.stdout
+
+
+@pytest.mark.workflow
+@pytest.mark.parametrize("document", ["README.md", "docs/adding-a-scene.md"])
+def test_results_are_read_as_written(document, example, monkeypatch, capsys):
+    """Blocks that open results, of files that are built for them; the claim E01 is printed."""
+    programs = [b for b in blocks(DOCUMENTS[document], "python") if "xarray as" in b]
+    files = re.findall(r'open_dataset\("(.+?)"\)', "".join(programs))
+    given = ["--configfile", EXAMPLE]
+    if document == "README.md":
+        files.append("results/damped/uniform12/original/k1-12.nc")
+        given = ["--configfile", str(ROOT / "config" / "config.yaml")]
+    folder = example.parents[1]
+    run = subprocess.run(
+        [sys.executable, "-m", "snakemake", "--snakefile", str(ROOT / "Snakefile"), "--cores", "2",
+         *files, *given],
+        cwd=folder, capture_output=True, text=True,
+    )  # fmt: skip
+    assert run.returncode == 0, run.stderr
+    monkeypatch.chdir(folder)
+    for program in programs:
+        exec(program, {})
+    printed = re.findall(r"^0\.\d+$", capsys.readouterr().out, re.M)
+    assert document != "README.md" or f"{float(printed[0]):.3e}" == "4.520e-02"
 
 
 @pytest.mark.parametrize("document", ["README.md", "docs/quickstart.md"])

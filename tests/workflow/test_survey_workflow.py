@@ -1,6 +1,7 @@
 """The surveys of config/small.yaml: complete, resumed, and the same bytes for any chunk size."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -184,6 +185,13 @@ def test_a_trained_survey_is_loaded_and_asked(surveyed) -> None:
     path.write_bytes((surveyed / FOLDER / "model.nc").read_bytes()[:-40] + b"0" * 40)
     with pytest.raises(ValueError, match="is not what its rule wrote"):
         sphpod.load_survey(path)
+
+
+def test_a_survey_is_asked_as_the_documents_write(surveyed, monkeypatch) -> None:
+    document = (ROOT / "docs/parameter-studies.md").read_text(encoding="utf-8")
+    (written,) = re.findall(r"```python\n(.*?)```", document, re.S)
+    monkeypatch.chdir(surveyed)
+    exec(written.replace("studied/", "small/"), {})
 
 
 def test_an_unknown_survey_is_refused(surveyed) -> None:

@@ -896,20 +896,17 @@ def test_another_workflow_may_use_this_one_as_a_module(built, tmp_path):
     settings = yaml.safe_load((built / "config/small.yaml").read_text())
     del settings["claims"]  # which YAML 1.1, as Snakemake reads it, takes for other values
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(settings))
-    (tmp_path / "Snakefile").write_text(
-        f'''
-configfile: "mine.yaml"
-module sphpod:
-    snakefile: "{built / "Snakefile"}"
-    config: config
-use rule * from sphpod as sphpod_*
+    document = (ROOT / "docs/adding-a-scene.md").read_text(encoding="utf-8")
+    (written,) = re.findall(r"```snakemake\n(.*?)```", document, re.S)
+    own = """
 rule mine:
     default_target: True
     input: "small/results/waves/errors.nc"
     output: "mine.txt"
-    shell: "echo {{input}} > {{output}}"
-'''
-    )
+    shell: "echo {input} > {output}"
+"""
+    (tmp_path / "Snakefile").write_text(written + own)
+    (tmp_path / "sphpod").symlink_to(built)
     run = subprocess.run(command(), cwd=tmp_path, capture_output=True, text=True, check=False)
     assert run.returncode == 0, run.stderr
     theirs, ours = (
