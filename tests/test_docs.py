@@ -497,7 +497,8 @@ def test_pictures_are_small_and_of_figures(paper):
 
 
 def test_versions_agree():
-    newest = re.search(r"^## \[(.+?)\]", DOCUMENTS["CHANGELOG.md"], re.M)
+    newest = re.search(r"^## \[(.+?)\] - (.+)$", DOCUMENTS["CHANGELOG.md"], re.M)
     assert newest is not None
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert newest[1] == citation["version"] == sphpod.__version__
+    assert newest[2] in (citation.get("date-released"), "unreleased")
