@@ -53,20 +53,25 @@ def gallery():
     )
     if others:
         parts.append("## Run time and stability")
-        parts += [f"![{name}](figures/{name}.png)" for name in others]
+        parts += [f"![{name}](figures/{name}.png)\n\n{_words(name)}" for name in others]
     if not shown:
         parts.append("There are none yet: `make figures` builds them.")
     return "\n\n".join(parts) + "\n"
 
 
+def _words(name):
+    """Which study, and of which scene and sampling."""
+    return name.replace("_", " ").capitalize()
+
+
 def on_page_markdown(markdown, page, config, files):
-    """Links to files that are no pages become their names."""
+    """Links to README and CONTRIBUTING lead to their pages, links to other files become text."""
+    places = {source: page for page, source in PAGES.items()}
+    known = {"", *(file.src_uri for file in files)}
 
     def checked(match):
-        text, target = match[1], match[2].partition("#")[0]
-        known = {file.src_uri for file in files}
-        if not target or target in known:
-            return match[0]
-        return text
+        text, (target, *anchor) = match[1], match[2].split("#")
+        target = places.get(target.removeprefix("../"), target)
+        return f"[{text}]({'#'.join([target, *anchor])})" if target in known else text
 
     return re.sub(r"(?<!!)\[([^\]]+)\]\(((?!https?:)[^)\s]+)\)", checked, markdown)

@@ -29,7 +29,14 @@ from sphpod.config.configuration import (
 from sphpod.config.fields import SETTINGS, Name
 from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usual_sweep
 from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
-from sphpod.config.scene_section import FIGURES, AnySampling, Scene, error_interval, known_names
+from sphpod.config.scene_section import (
+    FIGURES,
+    MOST_TIME_STEPS,
+    AnySampling,
+    Scene,
+    error_interval,
+    known_names,
+)
 from sphpod.config.sizes import check_sizes, sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
 from sphpod.config.start_section import EITHER, check_start
@@ -41,8 +48,8 @@ from sphpod.reference import exact
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
 
-LARGEST_COUNTS = {"time_step": 10**9, "error_interval": 10**6}
-"""How often a key may fit in the duration, so that a slip of the pen does not fill the memory."""
+LARGEST_COUNTS = {"time_step": MOST_TIME_STEPS, "error_interval": 10**6}
+"""How often a key may fit in the duration."""
 
 
 def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -225,7 +232,7 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
         checks.check(physics)
     except ValueError as error:
         by_default = "error_interval" not in settings and "error_interval =" in str(error)
-        hint = " (this is the default T/10000; another can be set)" if by_default else ""
+        hint = " (this is the default; another can be set)" if by_default else ""
         raise ConfigError(f"{error}{hint}") from error
     if physics.start:
         scene["start"] = {**scene["start"], "checksum": physics.start.checksum}
@@ -375,7 +382,7 @@ def _resolved_figure(
             f"it must be at least 0 and below L = {scene['domain_length']}",
         )
     interval = scene["error_interval"]
-    if not 2 * interval <= figure.get("end_time", scene["duration"]) <= scene["duration"]:
+    if "end_time" in figure and not 2 * interval <= figure["end_time"] <= scene["duration"]:
         raise refusal(
             name,
             f"{key}.end_time",

@@ -22,8 +22,8 @@ def make_scene(name: str = "scene", **settings: Any) -> Scene:
         domain_length [m], duration [s], initial_velocity [m/s] or start, initial_density [kg/m³],
         youngs_modulus [Pa], particle_count, smoothing_ratio and time_step [s]; and, where the scene
         has them, boundary, damping [1/s], force [m/s²], interface, positions and error_interval
-        [s]. Profiles are numbers or expressions in x (a force: in t) as text;
-        docs/adding-a-scene.md has all.
+        [s]. Profiles are numbers or expressions as text, in x, and those of youngs_modulus, damping
+        and force in x and t; docs/adding-a-scene.md has all.
 
     Returns
     -------

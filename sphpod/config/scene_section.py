@@ -18,10 +18,13 @@ from sphpod.config.fields import (
     left_out,
 )
 from sphpod.config.start_section import Start
+from sphpod.scene.scene import is_whole
 
-ERROR_SAMPLES = 10000
+INTERVALS = 10000
 """Intervals over which errors are summed, where a scene says nothing else."""
 
+MOST_TIME_STEPS = 10**9
+"""Time steps of a scene, so that a slip of the pen does not fill the memory."""
 
 MOST_FORCES = 100
 """Terms of a force, each of which is followed by itself."""
@@ -378,7 +381,7 @@ class Scene(Section):
     error_interval: float = left_out(
         gt=0,
         description="distance of the times over which errors are summed [s], a whole number of "
-        "time steps, default T/10000",
+        "time steps, default T/10000 or, where that is none, the next longer one that divides T",
     )
     references: Annotated[list[ReferenceKind], Unique()] = left_out(
         min_length=1,
@@ -398,8 +401,19 @@ class Scene(Section):
 
 
 def error_interval(settings: Mapping[str, Any]) -> float:
-    """Error interval [s] of a scene that gives none."""
-    return settings["duration"] / ERROR_SAMPLES
+    """Error interval [s] of a scene that gives none.
+
+    It is T/10000, or the next longer one, up to ten times that, of a whole number of time steps
+    that divides T. Where there is none it is T/10000, which is refused.
+    """
+    duration, step = float(settings["duration"]), float(settings["time_step"])
+    usual = duration / INTERVALS
+    if not is_whole(duration, step) or duration / step > MOST_TIME_STEPS:
+        return usual
+    steps = round(duration / step)
+    least = -(-steps // INTERVALS)
+    strides = (stride for stride in range(least, 10 * least) if steps % stride == 0)
+    return duration / next((steps // stride for stride in strides), INTERVALS)
 
 
 def known_names(what: str, names: Iterable[str]) -> str:

@@ -45,8 +45,8 @@ def _of_claims(rows):
     if printed:
         worst = max(abs(float(row["relative_difference"])) for row in printed)
         parts.append(
-            f"The {len(printed)} errors of full SPH that are printed come out within "
-            f"{worst:.1e} of themselves."
+            f"The {len(printed)} printed errors of full SPH differ by at most {worst:.1e} of their "
+            f"values."
         )
     return " ".join(parts)
 

@@ -164,7 +164,7 @@ class Scene:
         """
         step = float(settings["time_step"])
         duration = whole_time(float(settings["duration"]), step)
-        interval = whole_time(float(settings.get("error_interval", duration / 10000)), step)
+        interval = whole_time(float(settings["error_interval"]), step)
         constants = {
             "L": float(settings["domain_length"]),
             "T": duration,

@@ -173,6 +173,21 @@ def test_defaults(load):
         "wave_few_error",
     ]
     assert scene["figures"][0]["fields"] == ["initial_velocity", "velocity"]
+
+
+def test_errors_may_be_summed_over_the_end_alone(load):
+    resolved = load(wave(error_interval=1, samplings={}))
+    assert resolved["scenes"]["wave"]["figures"][0]["kind"] == "profile"
+
+
+@pytest.mark.parametrize(
+    ("duration", "time_step", "intervals"),
+    [(10, 1e-3, 10000), (8, 5e-4, 8000), (1, 2e-3, 500), (6, 5e-4, 6000), (10, 3.2e-4, 6250)],
+)
+def test_errors_are_by_default_summed_over_about_10000_times(load, duration, time_step, intervals):
+    times = {"duration": duration, "time_step": time_step, "youngs_modulus": 0.01}
+    resolved = load(wave(error_interval=None, references=None, **times))
+    assert resolved["scenes"]["wave"]["error_interval"] == duration / intervals
     assert (resolved["output"], resolved["claims"], resolved["illustrations"]) == ("", [], [])
 
 
@@ -349,7 +364,10 @@ REFUSALS = [
     # what the numbers mean together
     ({"duration": 1.001}, ["duration = 1.001", "whole number"]),
     ({"error_interval": 0.003}, ["error_interval = 0.003", "whole number"]),
-    ({"error_interval": None}, ["error_interval = 0.0001", "whole number", "default T/10000"]),
+    (
+        {"error_interval": None, "duration": 1.0007, "time_step": 1e-4},
+        ["error_interval = 0.00010007", "whole number", "this is the default"],
+    ),
     ({"error_interval": 0.3}, ["error_interval = 0.3", "whole number"]),
     ({"smoothing_ratio": 9}, ["smoothing_ratio = 9", "wraps", "at most"]),
     ({"youngs_modulus": 1e5}, ["time_step = 0.002", "grow", "1e+06"]),

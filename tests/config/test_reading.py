@@ -168,7 +168,7 @@ def test_what_takes_too_much_is_refused_before_it_is_tried(changes, answer):
 
 def test_outputs_that_nobody_asked_for_are_named_as_the_default():
     scene = {key: value for key, value in (SCENE | MANY).items() if key != "error_interval"}
-    with pytest.raises(ConfigError, match=r"take 40 GB; .* \(this is the default T/10000; another"):
+    with pytest.raises(ConfigError, match=r"take 40 GB; .* \(this is the default; another"):
         config.load([], {"scenes": {"wave": scene}})
 
 

@@ -25,7 +25,7 @@ def test_an_opening_counts_the_verdicts_and_says_what_is_fastest(tmp_path):
     found = summary.opening(tmp_path)
     assert "Of 3 claims that are checked, 2 are reproduced, 1 of these with an erratum" in found
     assert "deviating: 1." in found
-    assert "The 2 errors of full SPH that are printed come out within 2.0e-05" in found
+    assert "The 2 printed errors of full SPH differ by at most 2.0e-05 of their values." in found
     gain = "speedup_against_fastest_full_model"
     row = {"scene": "a", "modes": "8", "error_velocity": "0.01", gain: "40", "machine": "one"}
     write(tmp_path / "benchmark.csv", [

@@ -94,6 +94,7 @@ def scenes_of(name):
     numbers = "domain_length", "duration", "smoothing_ratio", "time_step", "error_interval"
     for key, settings_of in (config["scenes"] | config["stability"]["edge_scenes"]).items():
         known = {name: float(settings_of[name]) for name in numbers if name in settings_of}
+        known.setdefault("error_interval", known["time_step"])
         if settings_of["particle_count"] < 10_000:
             yield Scene.from_settings(key, settings_of | known)
 

@@ -1,6 +1,7 @@
 """The surveys of config/small.yaml: complete, resumed, and the same bytes for any chunk size."""
 
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -54,6 +55,15 @@ def test_a_survey_gives_answers_tables_and_figures(surveyed) -> None:
     answers = dataset.read(surveyed / FOLDER / "answers.nc")
     assert answers["sensor"].shape == (12, 21)
     assert not answers["reason"].astype(bool).any()
+
+
+def test_the_report_shows_the_figures_of_a_survey(surveyed) -> None:
+    run = snakemake(surveyed, "--report", "report.html", "--", "surveys")
+    assert run.returncode == 0, run.stderr
+    report = (surveyed / "report.html").read_text()
+    for path in (surveyed / FOLDER).glob("*.png"):
+        assert f"{FOLDER.name}/{path.name}" in report
+    assert "Errors, estimates and bounds of random queries" in report
 
 
 def test_nothing_of_a_survey_is_done_twice(surveyed) -> None:
@@ -175,6 +185,13 @@ def test_a_trained_survey_is_loaded_and_asked(surveyed) -> None:
     path.write_bytes((surveyed / FOLDER / "model.nc").read_bytes()[:-40] + b"0" * 40)
     with pytest.raises(ValueError, match="is not what its rule wrote"):
         sphpod.load_survey(path)
+
+
+def test_a_survey_is_asked_as_the_documents_write(surveyed, monkeypatch) -> None:
+    document = (ROOT / "docs/parameter-studies.md").read_text(encoding="utf-8")
+    (written,) = re.findall(r"```python\n(.*?)```", document, re.S)
+    monkeypatch.chdir(surveyed)
+    exec(written.replace("studied/", "small/"), {})
 
 
 def test_an_unknown_survey_is_refused(surveyed) -> None:

@@ -840,20 +840,17 @@ def test_another_workflow_may_use_this_one_as_a_module(built, tmp_path):
     settings = yaml.safe_load((built / "config/small.yaml").read_text())
     del settings["claims"]  # which YAML 1.1, as Snakemake reads it, takes for other values
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(settings))
-    (tmp_path / "Snakefile").write_text(
-        f'''
-configfile: "mine.yaml"
-module sphpod:
-    snakefile: "{built / "Snakefile"}"
-    config: config
-use rule * from sphpod as sphpod_*
+    document = (ROOT / "docs/adding-a-scene.md").read_text(encoding="utf-8")
+    (written,) = re.findall(r"```snakemake\n(.*?)```", document, re.S)
+    own = """
 rule mine:
     default_target: True
     input: "small/results/waves/errors.nc"
     output: "mine.txt"
-    shell: "echo {{input}} > {{output}}"
-'''
-    )
+    shell: "echo {input} > {output}"
+"""
+    (tmp_path / "Snakefile").write_text(written + own)
+    (tmp_path / "sphpod").symlink_to(built)
     run = runs.run(tmp_path)
     assert run.returncode == 0, run.stderr
     theirs, ours = (
@@ -895,6 +892,8 @@ def test_a_browser_opens_the_report_without_a_network(built):
     assert not errors
     for words in ("Claims", "undamped", "claims that are checked"):
         assert words in page
+    # The layout of narrow windows outlasts the opening text, with which it comes.
+    assert page.index("@media (max-width: 640px)") < page.index("</head>")
 
 
 def test_a_browser_shows_the_claims_as_a_table(built):

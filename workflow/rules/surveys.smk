@@ -180,7 +180,12 @@ rule survey_figure:
         unpack(drawn_of_survey),
     output:
         pdf=f"{SURVEY}/{{drawing}}.pdf",
-        png=f"{SURVEY}/{{drawing}}.png",
+        png=report(
+            f"{SURVEY}/{{drawing}}.png",
+            caption="../report/survey_figure.rst",
+            category="Surveys",
+            labels={"survey": "{survey}", "kind": "{drawing}"},
+        ),
     log:
         "<logs>/surveys/{survey}/{drawing}_figure.log",
     wildcard_constraints:
