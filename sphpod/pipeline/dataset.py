@@ -274,12 +274,12 @@ VARIABLES = _fields() | {
         ("contender_index",), "1", "relative tolerance of an adaptive integrator, NaN of another"
     ),
     "reconstruction_seconds": Variable(
-        ("contender_index", "repeat"), "s", "process time of fields from reduced coordinates"
+        ("contender_index", "repeat"), "s", "CPU time of fields from reduced coordinates"
     ),
     "offline_seconds": Variable(
-        ("contender_index", "offline"), "s", "process time of snapshots, modes and projection"
+        ("contender_index", "offline"), "s", "CPU time of snapshots, modes and projection"
     ),
-    "cpu_seconds": Variable(("contender_index", "repeat"), "s", "process time of all time steps"),
+    "cpu_seconds": Variable(("contender_index", "repeat"), "s", "CPU time of all time steps"),
     "memory_bytes": Variable(
         ("contender_index",), "byte", "memory that a prepared time loop holds", np.int64
     ),
@@ -287,13 +287,13 @@ VARIABLES = _fields() | {
     "skipping_model": Variable(
         ("skipped_index",), "", "model that is timed with and without it", str
     ),
-    "skipping_seconds": Variable(("skipped_index", "repeat"), "s", "process time without it"),
+    "skipping_seconds": Variable(("skipped_index", "repeat"), "s", "CPU time without it"),
     "general_seconds": Variable(
         ("skipped_index", "repeat"),
         "s",
-        "process time with it in vain, as zeros or general structure",
+        "CPU time with it in vain, as zeros or general structure",
     ),
-    "step_seconds": Variable(("contender_index", "repeat"), "s", "process time of one time step"),
+    "step_seconds": Variable(("contender_index", "repeat"), "s", "CPU time of one time step"),
 }
 
 

@@ -127,7 +127,7 @@ STUDY = Study(
         "unwatched_seconds": Variable(
             ("contender_index", "repeat"),
             "s",
-            "process time of a model that looks for no breakdown",
+            "CPU time of a model that looks for no breakdown",
         ),
     },
 )
