@@ -336,6 +336,13 @@ def test_inputs_are_results_of_the_configuration():
     assert claims.inputs(claims.resolve({**PAPER, "claims": []})) == []
 
 
+def test_printed_errors_must_come_out_to_half_their_last_digit():
+    printed = [claim for claim in PAPER["claims"] if claim["id"].startswith("E")]
+    for claim in printed:
+        half = 0.5 * 10.0 ** (np.floor(np.log10(claim["paper"])) - 3)
+        assert claim["tolerance"] * claim["paper"] == pytest.approx(half, rel=5e-3)
+
+
 def test_the_schema_knows_every_criterion_and_threshold():
     schema = configuration.schema()["$defs"]["Criterion"]["properties"]
     assert schema["kind"]["enum"] == sorted(criteria.CRITERIA)
