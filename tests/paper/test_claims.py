@@ -461,6 +461,22 @@ def test_the_page_on_the_paper_has_all_claims_as_configured():
         assert cells[-1] in (f"reproduced{erratum}", "**deviates**")
 
 
+@pytest.mark.parametrize("claim", [claim for claim in PAPER["claims"] if "erratum" in claim])
+def test_without_its_erratum_a_number_fails(claim):
+    """As the page shows, one row a convention: scene, number, paper, with, without, variant."""
+    page = (ROOT / "docs" / "reproducing-the-paper.md").read_text(encoding="utf-8")
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")]
+    without = [
+        float(numbers[1])
+        for row in rows
+        if len(row) == 7 and row[1] == f"`{claim['scene']}`"
+        for numbers in zip(row[3].split(" / "), row[5].split(" / "), strict=False)
+        if numbers[0] == f"{claim['paper']:.3e}"
+    ]
+    assert without
+    assert all(abs(n / claim["paper"] - 1) > claim["tolerance"] for n in without)
+
+
 # Tables -------------------------------------------------------------------------------------------
 
 TABLE = [
