@@ -79,9 +79,9 @@ def measure(
 
 
 def displaced(seed: int) -> list[bytearray]:
-    """Blocks of memory, as long as which are held other arrays fall into random places.
+    """Blocks of memory: while they are held, other arrays fall into places that the seed decides.
 
-    As many as are held have been given back, so that there are gaps of all sizes.
+    About as many more have been given back, so that there are gaps of all sizes.
     """
     rng = np.random.default_rng(seed)
     blocks = [bytearray(size) for size in rng.integers(64, 8192, size=600)]
