@@ -26,7 +26,11 @@ class Benchmark(Section):
     """How CPU times are measured."""
 
     repeats: int = Field(
-        5, ge=1, le=10000, description="interleaved repetitions of every contender, default 5"
+        5,
+        ge=1,
+        le=10000,
+        description="interleaved repetitions of every contender, each in a process of its own for "
+        "`cpu_time`, default 5",
     )
     step_scene: str = left_out(
         description="scene of which a step of full SPH is compared with a loop of sparse products, "

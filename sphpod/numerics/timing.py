@@ -2,12 +2,20 @@
 
 All contenders run in one process that has the machine to itself, with one BLAS thread. Each is
 compiled and warmed up by a few steps first, then they take turns, so that a drift of the machine's
-speed meets all of them alike. The time is the process's own, of the time loop with its outputs
-alone: what precedes it (projection, neighbours, compilation) is not in it.
+speed meets all of them alike. The time is the thread's own, of the time loop with its outputs
+alone: what precedes it (projection, neighbours, compilation) is not in it, nor that BLAS threads of
+what precedes it wait for more.
+
+Where arrays fall in memory changes a time by a tenth, and what a kernel allocates falls in the same
+places as long as the process lives. What is compared closely is thus timed in several processes
+(`elsewhere`), with arrays in other places (`displaced`).
 """
 
 import os
+import pickle
 import platform
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Sequence
 from importlib.metadata import version
@@ -35,9 +43,9 @@ class Buffers:
 def warm_up(run: Callable[[], object], shortest: float) -> int:
     """Warm a run, and say how often it is to be run for a time of ``shortest`` seconds."""
     for _ in range(2):
-        start = time.process_time()
+        start = time.thread_time()
         run()
-        seconds = time.process_time() - start
+        seconds = time.thread_time() - start
         if seconds > 10 * shortest:
             break
     return 1 + int(shortest / max(seconds, 1e-6))
@@ -46,7 +54,7 @@ def warm_up(run: Callable[[], object], shortest: float) -> int:
 def measure(
     runs: Sequence[Callable[[], object]], repeats: int, numbers: Sequence[int] = ()
 ) -> np.ndarray:
-    """Process time [s] of each run, taken in turns; they are to be warm.
+    """Thread time [s] of each run, taken in turns; they are to be warm.
 
     Parameters
     ----------
@@ -63,11 +71,43 @@ def measure(
     with threadpool_limits(limits=1):
         for repeat in range(repeats):
             for n, (run, number) in enumerate(zip(runs, numbers or [1] * len(runs), strict=True)):
-                start = time.process_time()
+                start = time.thread_time()
                 for _ in range(number):
                     run()
-                seconds[n, repeat] = (time.process_time() - start) / number
+                seconds[n, repeat] = (time.thread_time() - start) / number
     return seconds
+
+
+def displaced(seed: int) -> list[bytearray]:
+    """Blocks of memory: while they are held, other arrays fall into places that the seed decides.
+
+    About as many more have been given back, so that there are gaps of all sizes.
+    """
+    rng = np.random.default_rng(seed)
+    blocks = [bytearray(size) for size in rng.integers(64, 8192, size=600)]
+    return [block for block in blocks if rng.random() < 0.5]
+
+
+def elsewhere(function: Callable[..., Any], *arguments: Any) -> Any:
+    """What a function of a module returns, called in a process of its own.
+
+    Raises
+    ------
+    subprocess.CalledProcessError
+        It raised something, which is on the error stream.
+    """
+    call = (
+        "import pickle, sys; function, arguments = pickle.load(sys.stdin.buffer); "
+        "pickle.dump(function(*arguments), sys.stdout.buffer)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", call],
+        input=pickle.dumps((function, arguments)),
+        stdout=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        check=True,
+    )
+    return pickle.loads(done.stdout)
 
 
 def machine() -> dict[str, Any]:

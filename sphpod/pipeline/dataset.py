@@ -197,17 +197,17 @@ contender_particle_count (contender_index) [1] int32: particles of the model
 contender_time_step (contender_index) [s]: time step; NaN where it is not a fixed one
 contender_tolerance (contender_index) [1]: relative tolerance of an adaptive integrator, NaN of
     another
-reconstruction_seconds (contender_index, repeat) [s]: process time of fields from reduced
+reconstruction_seconds (contender_index, repeat) [s]: CPU time of fields from reduced
     coordinates
-offline_seconds (contender_index, offline) [s]: process time of snapshots, modes and projection
-cpu_seconds (contender_index, repeat) [s]: process time of all time steps
+offline_seconds (contender_index, offline) [s]: CPU time of snapshots, modes and projection
+cpu_seconds (contender_index, repeat) [s]: CPU time of all time steps
 memory_bytes (contender_index) [byte] int64: memory that a prepared time loop holds
 skipped (skipped_index): what a scene may lack
 skipping_model (skipped_index): model that is timed with and without it
-skipping_seconds (skipped_index, repeat) [s]: process time without it
-general_seconds (skipped_index, repeat) [s]: process time with it in vain, as zeros or general
+skipping_seconds (skipped_index, repeat) [s]: CPU time without it
+general_seconds (skipped_index, repeat) [s]: CPU time with it in vain, as zeros or general
     structure
-step_seconds (contender_index, repeat) [s]: process time of one time step
+step_seconds (contender_index, repeat) [s]: CPU time of one time step
 """
 
 VARIABLES = meanings(

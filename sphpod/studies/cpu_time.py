@@ -1,6 +1,6 @@
 """CPU time of full SPH and of the paper's reduced models, at the times of the error integral."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,12 +8,16 @@ import numpy as np
 from sphpod.full import sph
 from sphpod.numerics import timing
 from sphpod.reduced.rom import acceleration_contenders, freeze_steps, galerkin
-from sphpod.scene.run import Run
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import Dataset, Study, accelerated
 
-BASELINES = ("sph_neighbour_lists", "sph_stencil")
-"""Full SPH that savings are relative to: as an SPH code does it, and for even spacing alone."""
+BASELINES = {"sph_neighbour_lists": "lists", "sph_stencil": "stencil"}
+"""Full SPH that savings are relative to, as an SPH code does it and for even spacing alone, with
+the neighbours that it takes."""
+
+
+PLACES = 2
+"""How often a process places the arrays of each contender, and runs it there."""
 
 
 def compare(
@@ -33,34 +37,53 @@ def compare(
     mode_counts, n_freeze : ints
         Modes for velocity and density each, or all there are; numbers of frozen steps.
     repeats : int
+        Processes that time all of it.
 
     Returns
     -------
     dict
         contender, contender_mode_count (0 for full models), n_freeze (0 where nothing is frozen),
-        each of shape (contenders,); cpu_seconds (contenders, repeats) [s].
+        each of shape (contenders,); cpu_seconds (contenders, turns) [s], each turn with arrays in
+        other places.
     """
-    steps = scene.error_steps
-    prepared: list[tuple[str, int, Callable[..., Run]]] = [
-        ("sph_neighbour_lists", 0, lambda steps: sph.prepare(scene, steps, "lists")),
-        ("sph_stencil", 0, lambda steps: sph.prepare(scene, steps, "stencil")),
+    contenders = [(baseline, 0) for baseline in BASELINES]
+    contenders += [(name, k) for k in mode_counts for name in acceleration_contenders(n_freeze)]
+    bases = {name: modes[name] for name in ("velocity_modes", "density_modes")}
+    seconds = [
+        timing.elsewhere(turns, scene, bases, contenders, process) for process in range(repeats)
     ]
-    for count in mode_counts:
-        for method in acceleration_contenders(n_freeze):
-            prepared.append((method, count, galerkin(scene, method, modes, count).prepare))
-    buffers, runs = timing.Buffers(), []
-    for _, _, prepare in prepared:
-        prepare(steps[:2]).run()
-        runs.append(buffers.shared(prepare(steps)).run)
-    names = [name for name, _, _ in prepared]
+    names, counts = zip(*contenders, strict=True)
     return {
         "contender": np.array(names),
-        "contender_mode_count": np.array([count for _, count, _ in prepared]),
-        "n_freeze": np.array(
-            [0 if name.startswith("sph") else freeze_steps(name) for name in names]
-        ),
-        "cpu_seconds": timing.measure(runs, repeats),
+        "contender_mode_count": np.array(counts),
+        "n_freeze": np.array([0 if name in BASELINES else freeze_steps(name) for name in names]),
+        "cpu_seconds": np.hstack(seconds),
     }
+
+
+def turns(
+    scene: Scene,
+    modes: Mapping[str, np.ndarray],
+    contenders: Sequence[tuple[str, int]],
+    process: int,
+) -> np.ndarray:
+    """CPU time [s] of contenders (name, mode count) in one process, (contenders, `PLACES`)."""
+
+    def prepare(name, count, steps):
+        if name in BASELINES:
+            return sph.prepare(scene, steps, BASELINES[name])
+        return galerkin(scene, name, modes, count).prepare(steps)
+
+    steps = scene.error_steps
+    for name, count in contenders:
+        prepare(name, count, steps[:2]).run()
+    buffers, seconds = timing.Buffers(), []
+    for place in range(PLACES):
+        held = timing.displaced(process * PLACES + place)
+        runs = [buffers.shared(prepare(name, count, steps)).run for name, count in contenders]
+        seconds.append(timing.measure(runs, repeats=1))
+        del held
+    return np.hstack(seconds)
 
 
 def rows(

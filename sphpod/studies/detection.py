@@ -125,7 +125,7 @@ STUDY = Study(
     tables={"detection": ("studies.detection.rows", "detection")},
     variables=meanings(
         """
-        unwatched_seconds (contender_index, repeat) [s]: process time of a model that looks for no
+        unwatched_seconds (contender_index, repeat) [s]: CPU time of a model that looks for no
             breakdown
         """
     ),

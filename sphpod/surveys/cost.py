@@ -42,8 +42,8 @@ VARIABLES = {
     "query_error": Variable(
         ("contender_index",), "1", "largest relative error of the queries, as true_error"
     ),
-    "query_seconds": Variable(("contender_index", "repeat"), "s", "process time of a query"),
-    "training_seconds": Variable(("repeat",), "s", "process time of all training runs and modes"),
+    "query_seconds": Variable(("contender_index", "repeat"), "s", "CPU time of a query"),
+    "training_seconds": Variable(("repeat",), "s", "CPU time of all training runs and modes"),
     "break_even": Variable(
         ("contender_index",), "1", "queries from which the reduced model with bounds costs less"
     ),

@@ -336,6 +336,13 @@ def test_inputs_are_results_of_the_configuration():
     assert claims.inputs(claims.resolve({**PAPER, "claims": []})) == []
 
 
+def test_printed_errors_must_come_out_to_half_their_last_digit():
+    printed = [claim for claim in PAPER["claims"] if claim["id"].startswith("E")]
+    for claim in printed:
+        half = 0.5 * 10.0 ** (np.floor(np.log10(claim["paper"])) - 3)
+        assert claim["tolerance"] * claim["paper"] == pytest.approx(half, rel=5e-3)
+
+
 def test_the_schema_knows_every_criterion_and_threshold():
     schema = configuration.schema()["$defs"]["Criterion"]["properties"]
     assert schema["kind"]["enum"] == sorted(criteria.CRITERIA)
@@ -452,6 +459,22 @@ def test_the_page_on_the_paper_has_all_claims_as_configured():
         assert cells[2] == claims.statement(claim)
         erratum = f" with erratum {claim['erratum']}" if "erratum" in claim else ""
         assert cells[-1] in (f"reproduced{erratum}", "**deviates**")
+
+
+@pytest.mark.parametrize("claim", [claim for claim in PAPER["claims"] if "erratum" in claim])
+def test_without_its_erratum_a_number_fails(claim):
+    """As the page shows, one row a convention: scene, number, paper, with, without, variant."""
+    page = (ROOT / "docs" / "reproducing-the-paper.md").read_text(encoding="utf-8")
+    rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("| ")]
+    without = [
+        float(numbers[1])
+        for row in rows
+        if len(row) == 7 and row[1] == f"`{claim['scene']}`"
+        for numbers in zip(row[3].split(" / "), row[5].split(" / "), strict=False)
+        if numbers[0] == f"{claim['paper']:.3e}"
+    ]
+    assert without
+    assert all(abs(n / claim["paper"] - 1) > claim["tolerance"] for n in without)
 
 
 # Tables -------------------------------------------------------------------------------------------

@@ -185,7 +185,8 @@ CASES: dict[str, Any] = {
         [times(original=[2, 2.2])], [times(original=[2, 2.2], frozen1=[1, 2])], {"factor": 1.5},
     ),
     "frozen_is_cheaper": (
-        [times(original=[2, 2], frozen1=[1, 1.9])], [times(original=[2, 2], frozen1=[1, 2.1])], {},
+        [times(original=[2, 2], frozen1=[1, 2.1])], [times(original=[2, 2], frozen1=[1, 2.1])],
+        {"factor": 1.1}, {"factor": 1},
     ),
     "some_variant_better": (
         [VARIANTS],

@@ -303,3 +303,26 @@ def test_the_stored_system_is_the_model_linearized_at_rest(method, changes):
         np.testing.assert_allclose(velocity, coordinates[0] @ model.velocity_modes, atol=1e-15)
     assert missing[0] < 1e-3
     assert missing[0] / missing[1] == pytest.approx(4, rel=0.2)
+
+
+class HeldForce(ReducedModel):
+    """A model whose force alone is refreshed every ten steps."""
+
+    def _project_forces(self, dt, step_count):
+        decay, damping, amplitudes, push = super()._project_forces(dt, step_count)
+        held = np.arange(amplitudes.shape[1]) // 10 * 10
+        return decay, damping, amplitudes[:, held].copy(), push
+
+
+def test_what_freezing_adds_under_a_force_comes_from_the_force():
+    """Frozen for ten steps a model moves as one that holds only its force for so long."""
+    case = scene(force="1e-2*cos(30*t)", damping=5, duration=1, time_step=1e-3)
+    modes = snapshot_modes(case)
+    bases = modes["velocity_modes"][:3], modes["density_modes"][:3]
+    shortest, longest, held = (
+        model(case, method, *bases).prepare(case.error_steps).run().state[0]
+        for model, method in (
+            (ReducedModel, "frozen1"), (ReducedModel, "frozen10"), (HeldForce, "frozen1"),
+        )
+    )  # fmt: skip
+    assert error.relative_error(longest, held) < 0.01 * error.relative_error(longest, shortest)
