@@ -228,7 +228,7 @@ def _edge_scene(
     except ValueError as error:
         raise ConfigError(str(error)) from error
     for given in ("youngs_modulus", "damping"):
-        if physics.changing(given) is not None:
+        if physics.varies(given):
             raise refusal(None, f"{key}.{given}", scene[given], "it must not name t here")
     return scene
 
