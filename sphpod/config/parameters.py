@@ -19,7 +19,7 @@ from sphpod.surveys import distributions, samples
 CHECKED = 64
 """Points within the ranges at which the scene is checked, beside their corners."""
 
-VALUES = 2**23
+VALUES = 2**24
 """Points of profiles at which all these scenes together are checked."""
 
 LEAST_PROBABILITY = 1e-6

@@ -225,9 +225,11 @@ def _looked_at(scene, key, expression, count, refuse, least, parts=1):
         return
     own, places = scene.in_bar(expression)
     in_x, most = "x" in expression.variables, VALUES * count // (expression.terms * parts)
+    fully = count == POINTS[1]
     if in_x:
         try:
-            check_places(own, scene.duration, places)
+            if fully:
+                check_places(own, scene.duration, places)
         except ValueError as error:
             refuse(key, expression.text, str(error))
         usual = np.linspace(0, scene.duration, LOOKED_AT[1])
@@ -235,23 +237,18 @@ def _looked_at(scene, key, expression, count, refuse, least, parts=1):
     else:
         steps = scene.error_steps
         usual = scene.times(steps[:: max(1, -(-steps.size // max(most, LOOKED_AT[1])))])
-    later = [] if count < POINTS[1] or _is_bounded(scene, own, least) else [in_x]
-    for times in (usual, *(_changes(scene, own, places, parts, one) for one in later)):
+    yield {"x": x[:, None], "t": usual} if in_x else {"t": usual}
+    if fully and not _is_bounded(scene, own, least):
+        times = changes(own, scene.duration, places, LOOKED_AT[1] if in_x else POINTS[1], parts)
         yield {"x": x[:, None], "t": times} if in_x else {"t": times}
 
 
-def _changes(scene, expression, places, parts, in_x):
-    """Times at which a function changes; of one of t, which takes no places, all that there are."""
-    most = LOOKED_AT[1] if in_x else POINTS[1]
-    return changes(expression, scene.duration, places, most, parts)
-
-
 def _fine(scene, expression, count):
-    """Places at and between the particles, as many as there is time for."""
-    taken = count // (scene.particle_count * expression.terms)
-    parts = min(max(taken, 1), POINTS[0])
+    """Places at and between the particles, as many as there is time for; usually all particles."""
+    cost = scene.particle_count * expression.terms
+    parts = min(max(count // cost, 1), POINTS[0])
+    every = max(cost // count, 1) if count < POINTS[1] else 1
     places = parts * (scene.bar_count - 1) + 1 if scene.ends else parts * scene.particle_count
-    every = max(1, places // count) if taken == 0 and count < POINTS[1] else 1
     return np.arange(0, places, every) * (scene.spacing / parts)
 
 
@@ -307,7 +304,7 @@ def _check_work(scene, refuse):
             continue
         points, what, most = scene.particle_count, "particles", MOST_TERMS
         if "x" not in expression.variables:
-            points, what = scene.error_steps.size, "times"
+            points, what, parts = scene.error_steps.size, "times", 1
         elif "t" in expression.variables:
             points, what, most = LOOKED_AT[1], "times and some places", MOST_FOLLOWED * LOOKED_AT[1]
         if expression.terms * points * parts > most:
