@@ -121,7 +121,7 @@ def test_faults_of_defaults_are_named_once(defaults, answer):
     [
         ({"time_step": "5"}, "time_step = '5': it must be a number"),
         ({"error_interval": 0.0100000001}, "error_interval = 0.0100000001: it must be a whole"),
-        ({"error_interval": 1e308}, "error_interval = 1.0e+308: it must be at most T = 1"),
+        ({"error_interval": 1e308}, "error_interval = 1.0e+308: it must be at most the duration, T = 1"),
         ({"domain_length": 1e200}, "domain_length = 1e+200: it must be a positive"),
         ({"domain_length": 1e-200}, "domain_length = 1e-200: it must be a positive"),
         ({"smoothing_ratio": 1e308}, "smoothing_ratio = 1e+308: the kernel's support of 4h wraps"),
