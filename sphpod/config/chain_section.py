@@ -13,6 +13,9 @@ from sphpod.numerics.expressions import LONGEST_SUM
 INSTEAD = {"masses": "initial_density", "springs": "youngs_modulus"}
 """Keys, and those that they stand for."""
 
+LEAST = 1e-100
+"""Least mass, spring or length, and the inverse of the largest."""
+
 
 def spread_chain(name: str, scene: Mapping[str, Any]) -> dict[str, Any]:
     """The scene with density and modulus as expressions, if it gives masses and springs.
@@ -43,8 +46,9 @@ def spread_chain(name: str, scene: Mapping[str, Any]) -> dict[str, Any]:
             raise refusal(name, key, value, "it must be a list of positive numbers")
         for number, one in enumerate(value):
             if not _is_positive(one):
-                raise refusal(name, f"{key}.{number}", one, "it must be a positive number")
-        if isinstance(count, int) and len(value) != count:
+                allowed = f"it must be a positive number from {LEAST:g} to {1 / LEAST:g}"
+                raise refusal(name, f"{key}.{number}", one, allowed)
+        if isinstance(count, int) and count > 1 and len(value) != count:
             allowed = f"it must have one for each of {count} particles, and has {len(value)}"
             raise refusal(name, key, value, allowed)
     for key in ("positions", "boundary"):
@@ -66,4 +70,8 @@ def spread_chain(name: str, scene: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _is_positive(value):
-    return isinstance(value, int | float) and not isinstance(value, bool) and 0 < value < 1e300
+    return (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and LEAST <= value <= 1 / LEAST
+    )

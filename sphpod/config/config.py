@@ -31,13 +31,12 @@ from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usu
 from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
 from sphpod.config.scene_section import (
     FIGURES,
-    MOST_TIME_STEPS,
     AnySampling,
     Scene,
     error_interval,
     known_names,
 )
-from sphpod.config.sizes import check_sizes, sizes
+from sphpod.config.sizes import check_counts, check_sizes, sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
 from sphpod.config.start_section import EITHER, check_start
 from sphpod.config.survey_section import resolved_surveys
@@ -47,9 +46,6 @@ from sphpod.reduced import snapshots
 from sphpod.reference import exact
 from sphpod.scene import checks
 from sphpod.scene import scene as scenes
-
-LARGEST_COUNTS = {"time_step": MOST_TIME_STEPS, "error_interval": 10**6}
-"""How often a key may fit in the duration."""
 
 
 def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -219,13 +215,7 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
     if scene.get("boundary") == "periodic":
         del scene["boundary"]
     check_start(name, scene)
-    for key, largest in LARGEST_COUNTS.items():
-        if scene[key] > scene["duration"]:
-            most = f"it must be at most T = {checks.number(scene['duration'])}"
-            raise refusal(name, key, scene[key], most)
-        if scene["duration"] / scene[key] > largest:
-            least = f"at least T/{largest:g} = {scene['duration'] / largest:g} is needed"
-            raise refusal(name, key, scene[key], least)
+    check_counts(name, scene)
     try:
         physics = scenes.Scene.from_settings(name, scene)
         check_sizes(name, sizes(physics, scene), memory)

@@ -19,6 +19,9 @@ from sphpod.surveys import distributions, samples
 CHECKED = 64
 """Points within the ranges at which the scene is checked, beside their corners."""
 
+VALUES = 2**24
+"""Points of profiles at which all these scenes together are checked."""
+
 LEAST_PROBABILITY = 1e-6
 """What the range of a parameter holds of its distribution at least."""
 
@@ -128,10 +131,12 @@ def _distributed(scene, key, given):
 def _check_within(name: str, settings: Mapping[str, Any], parameters: samples.Ranges) -> None:
     """Refuse ranges in which the scene is none."""
     inner = samples.points(parameters, {"count": CHECKED, "sampling": "halton"})
-    for values in np.concatenate([samples.corners(parameters), inner]):
+    every = np.concatenate([samples.corners(parameters), inner])
+    points = min(checks.POINTS[1], VALUES // len(every))
+    for values in every:
         point = dict(zip(parameters, map(float, values), strict=True))
         try:
-            checks.check_setting(samples.scene_at(name, settings, point))
+            checks.check_setting(samples.scene_at(name, settings, point), points)
         except ValueError as error:
             told = str(error).removeprefix(f"scene {name}: ")
             where = ", ".join(f"{word} = {value:g}" for word, value in point.items())

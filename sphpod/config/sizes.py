@@ -5,7 +5,9 @@ from typing import Any, NamedTuple
 
 from sphpod.config.mode_counts import mode_limit
 from sphpod.config.reading import refusal
+from sphpod.config.scene_section import MOST_TIME_STEPS
 from sphpod.reduced.snapshots import is_of_run
+from sphpod.scene import checks
 from sphpod.scene.scene import Scene
 
 NUMBER = 8
@@ -33,6 +35,10 @@ STEP = 1.6e-9
 """Time that full SPH takes for a step of a particle, about [s]."""
 
 
+LARGEST_COUNTS = {"time_step": MOST_TIME_STEPS, "error_interval": 10**6}
+"""How often a key may fit in the duration."""
+
+
 class Size(NamedTuple):
     """Memory that a key asks for [bytes], and of what."""
 
@@ -40,6 +46,36 @@ class Size(NamedTuple):
     value: Any
     memory: float
     what: str
+
+
+def check_counts(name: str, settings: Mapping[str, Any]) -> None:
+    """Refuse a duration that is no measure, and what fits in it not once, or too often.
+
+    Parameters
+    ----------
+    name : str
+    settings : dict
+        Block of a scene in the configuration.
+
+    Raises
+    ------
+    ConfigError
+    """
+    duration = settings["duration"]
+    low, high = checks.MEASURES
+    if not low <= duration <= high:
+        allowed = f"it must be a positive number from {low:g} to {high:g}"
+        raise refusal(name, "duration", duration, allowed)
+    for key, largest in LARGEST_COUNTS.items():
+        if settings[key] > duration:
+            allowed = f"it must be at most the duration, T = {checks.number(duration)}"
+            raise refusal(name, key, settings[key], allowed)
+        if duration / settings[key] > largest:
+            allowed = (
+                f"at least T/{largest:g} = {duration / largest:g} is needed with the duration "
+                f"T = {checks.number(duration)}"
+            )
+            raise refusal(name, key, settings[key], allowed)
 
 
 def output_count(scene: Scene) -> int:

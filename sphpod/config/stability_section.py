@@ -11,7 +11,7 @@ from sphpod.config.fields import ModeCount, Name, SamplingName, SceneName, Secti
 from sphpod.config.mode_counts import check_count
 from sphpod.config.reading import ConfigError, refusal
 from sphpod.config.scene_section import Scene, error_interval, known_names
-from sphpod.config.sizes import check_sizes, sizes
+from sphpod.config.sizes import check_counts, check_sizes, sizes
 from sphpod.config.start_section import check_start
 from sphpod.reduced.snapshots import is_of_run
 from sphpod.scene import checks
@@ -221,6 +221,7 @@ def _edge_scene(
         )
     check_start(name, settings)
     scene = {"error_interval": error_interval(settings), **settings}
+    check_counts(name, scene)
     try:
         physics = scenes.Scene.from_settings(name, scene)
         check_sizes(name, sizes(physics, scene), memory)
@@ -228,7 +229,7 @@ def _edge_scene(
     except ValueError as error:
         raise ConfigError(str(error)) from error
     for given in ("youngs_modulus", "damping"):
-        if physics.changing(given) is not None:
+        if physics.varies(given):
             raise refusal(None, f"{key}.{given}", scene[given], "it must not name t here")
     return scene
 

@@ -341,7 +341,7 @@ def _check_scene(scene, settings):
         allowed = "the scene of a survey starts from an initial_velocity"
         raise refusal(scene.name, "start", settings["start"], allowed)
     for key in ("youngs_modulus", "damping"):
-        if scene.changing(key) is not None:
+        if scene.varies(key):
             allowed = "it must not name t in a scene of a survey"
             raise refusal(scene.name, key, settings[key], allowed)
     if len(scene.forces) > 1 or any(isinstance(term, Expression) for term in scene.forces):

@@ -326,7 +326,16 @@ def _values(expression, times):
     return expression(**{name: times})
 
 
-def _pieces(expression, duration):
+def pieces_seen(expression: Expression, duration: float, limit: int) -> np.ndarray:
+    """Ends of pieces of [0, duration], as a `Course` has them, made of about ``limit`` at most.
+
+    Where that is too few for the function they are short somewhere, and no piece is more than a
+    sixteenth long.
+    """
+    return np.append(_pieces(expression, duration, limit)[0], duration)
+
+
+def _pieces(expression, duration, limit=LIMIT):
     """Ends of pieces, whether each is decided, the radius of its disc, and ∫|f| over it."""
     low = np.linspace(0, duration, 17)
     low, high = low[:-1], low[1:]
@@ -347,7 +356,7 @@ def _pieces(expression, duration):
             ended = (bounds.high - bounds.low) * width <= BREAKS * known / low.size
         decided = smooth | ended | (middle <= low) | (middle >= high)
         count += low.size
-        over = count > LIMIT or np.count_nonzero(~decided) > OPEN_LIMIT
+        over = count > limit or np.count_nonzero(~decided) > OPEN_LIMIT
         taken = decided | over
         parts = low, high, decided, bounds.radius, sizes * width
         done.append([part[taken] for part in parts])

@@ -92,16 +92,44 @@ def enclose(expression: Expression, low: np.ndarray, high: np.ndarray) -> Enclos
             np.concatenate([getattr(part, name) for part in some]) for name in names
         )
         return Enclosure(low, high, centre, radius)
+    (name,) = expression.variables
+    return _enclosed(expression, {name: _interval(low, high, variable=True)}, low.shape)
+
+
+def bounds_in(
+    expression: Expression, **ends: tuple[np.ndarray, np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Least and largest value that an expression may have in boxes, by their ends in each variable.
+
+    Parameters
+    ----------
+    expression : Expression
+    ends : pairs of arrays, of shapes that broadcast together
+        Low and high ends, one pair for each variable.
+
+    Returns
+    -------
+    low, high : arrays of the common shape
+    """
+    variables = {name: _interval(*ends[name]) for name in expression.variables}
+    shape = np.broadcast_shapes(*(one.low.shape for one in variables.values()))
+    value = _enclosed(expression, variables, shape)
+    return value.low, value.high
+
+
+def _interval(low, high, variable=False):
     middle = (low + high) / 2
     # The half width as seen from a rounded middle.
     half = np.maximum(high - middle, middle - low) * (1 + ROUNDING)
-    variable = Enclosure(low, high, middle, REACH * half, variable=True)
-    (name,) = expression.variables
+    return Enclosure(low, high, middle, REACH * half, variable)
+
+
+def _enclosed(expression, variables, shape):
     tree = ast.parse(expression.text.strip(), mode="eval").body
     with np.errstate(all="ignore"):
-        value = _lifted(_value(tree, {**expression.constants, name: variable}))
+        value = _lifted(_value(tree, {**expression.constants, **variables}))
     parts = (value.low, value.high, value.centre, value.radius)
-    low, high, centre, radius = (np.broadcast_to(part, middle.shape) for part in parts)
+    low, high, centre, radius = (np.broadcast_to(part, shape) for part in parts)
     return Enclosure(low, high, centre, radius)
 
 
@@ -132,8 +160,11 @@ def _value(node: ast.AST, names: dict[str, Any]) -> Any:
         ):
             return reduce(_sum, (_value(term, inner) for inner in _looped(loops, names)), 0.0)
         case ast.Call(func=ast.Name(id="nth"), args=[ast.Tuple(elts=values), number]):
-            # It counts places, which are fixed where time is the variable.
-            return float(nth(tuple(_value(one, names) for one in values), _value(number, names)))
+            choices = tuple(_value(one, names) for one in values)
+            at = _value(number, names)
+            if isinstance(at, Enclosure):
+                return _any_of(choices, at)
+            return float(nth(choices, at))
         case ast.Call(func=ast.Name(id=name), args=arguments):
             return _applied(name, *(_value(argument, names) for argument in arguments))
     raise ValueError(f"{ast.unparse(node)} has no bounds")
@@ -193,6 +224,13 @@ def _between(*values):
 
 
 # --- Arithmetic -----------------------------------------------------------------------------------
+
+
+def _any_of(values, number):
+    """Bounds of all that there is to choose from, wherever the number is known to be one."""
+    known = np.isfinite(number.low) & np.isfinite(number.high)
+    low, high = np.where(known, min(values), -np.inf), np.where(known, max(values), np.inf)
+    return Enclosure(low, high, 0.0 * low, np.full(known.shape, np.inf))
 
 
 def _sum(a, b):

@@ -10,8 +10,9 @@ import ast
 import math
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from functools import partial, reduce
+from functools import lru_cache, partial, reduce
 from operator import call
+from types import CodeType
 from typing import Any
 
 import numpy as np
@@ -129,12 +130,23 @@ def _call(node: ast.AST, *arguments: ast.expr) -> ast.Call:
     return ast.Call(_function(node), list(arguments), [])
 
 
-def _compiled(tree: ast.expr, variables: Iterable[str], constants: Mapping) -> Callable[..., Any]:
-    """A function of the steps of sums and of the variables, out of a tree that has been checked."""
+@lru_cache(maxsize=256)
+def _read(text: str, variables: tuple[str, ...], constants: frozenset[str]) -> CodeType | str:
+    """A function of the steps of sums and of the variables, or what of the text is not allowed.
+
+    The same of all values that constants have, which many scenes differ in.
+    """
+    tree = ast.parse(text.strip(), mode="eval").body
+    if refusal := _refusal(tree, constants.union(variables)):
+        return refusal
     names = [ast.arg(name) for name in ("_steps", *variables)]
     arguments = ast.arguments([], names, kwonlyargs=[], kw_defaults=[], defaults=[])
     function = ast.Expression(ast.Lambda(arguments, _Elementwise().visit(tree)))
-    code = compile(ast.fix_missing_locations(function), "<expression>", "eval")
+    return compile(ast.fix_missing_locations(function), "<expression>", "eval")
+
+
+def _named(code: CodeType, constants: Mapping[str, float]) -> Callable[..., Any]:
+    """The function of a code, in which names have values."""
     called = {f"_{node.__name__}": function for node, function in CALLED.items()}
     return eval(code, {"__builtins__": {}, **FUNCTIONS, **called, **constants})
 
@@ -279,11 +291,13 @@ class Expression:
         self.text = str(text)
         self.variables = variables
         self.constants = {"pi": np.pi, **(constants or {})}
+        refusal = ""
         try:
-            tree = ast.parse(self.text.strip(), mode="eval").body
-            refusal = _refusal(tree, frozenset(variables) | set(self.constants))
-            if not refusal:
-                self._function = _compiled(tree, variables, self.constants)
+            found = _read(self.text, variables, frozenset(self.constants))
+            if isinstance(found, str):
+                refusal = found
+            else:
+                self._function = _named(found, self.constants)
         except SyntaxError:
             unpaired = self.text.count("(") - self.text.count(")")
             brackets = {0: "", 1: ", as a bracket stays open", -1: ", as a bracket is not opened"}

@@ -19,7 +19,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from sphpod.numerics.course import Course
+from sphpod.numerics.course import Course, pieces_seen
 from sphpod.numerics.expressions import Expression, reads
 
 ACCURACY = 1e-13
@@ -54,6 +54,18 @@ MOST_TERMS = 256
 
 MOST_PLACES = 4096
 """Places at all of which a function may be followed."""
+
+SAMPLED = 512
+"""Places and times of many at which it is found out that too many terms are needed."""
+
+SEEN = 2**18
+"""Intervals of time that are looked at before a function is followed, times the terms of sums."""
+
+TOO_MANY = (
+    "it is no sum of few products of a function of t and one of x, nor are there few enough "
+    f"particles to follow it at each: {MOST_PLACES} at most"
+)
+"""What is wrong with a function that breaks at more places."""
 
 
 @dataclass(frozen=True)
@@ -189,16 +201,41 @@ def separate(
 @lru_cache
 def _separate(text, constants, duration, places):
     expression, places = Expression(text, ("x", "t"), dict(constants)), np.frombuffer(places)
-    parts = _parts(ast.parse(text.strip(), mode="eval").body)
-    if parts is not None:
-        found = Products(
-            tuple(Expression(_text(g), ("t",), dict(constants)) for g, _ in parts),
-            tuple(None if p is None else Expression(_text(p), ("x",), dict(constants))
-                  for _, p in parts),
-        )  # fmt: skip
-        if _add_up(found, expression, duration, places):
-            return found
-    return _interpolated(expression, duration, places)
+    found = _products(expression, duration, places)
+    if found is None:
+        check_places(expression, duration, places)
+        found = _interpolated(expression, duration, places)
+    return found
+
+
+def _products(expression, duration, places):
+    """The formula as a sum of products, if it is one."""
+    parts = _parts(ast.parse(expression.text.strip(), mode="eval").body)
+    if parts is None:
+        return None
+    known = expression.constants
+    found = Products(
+        tuple(Expression(_text(g), ("t",), known) for g, _ in parts),
+        tuple(None if p is None else Expression(_text(p), ("x",), known) for _, p in parts),
+    )
+    return found if _add_up(found, expression, duration, places) else None
+
+
+def check_places(expression: Expression, duration: float, places: np.ndarray) -> None:
+    """Refuse what is no sum of few products at some of many places, and so not at all of them.
+
+    Raises
+    ------
+    ValueError
+        As of `separate`.
+    """
+    if places.size <= MOST_PLACES or _products(expression, duration, places) is not None:
+        return
+    some = places[:: places.size // SAMPLED]
+    times = duration * (np.arange(1.0, SAMPLED) * (np.sqrt(5) - 1) / 2 % 1)
+    values = expression(x=some[:, None], t=times)
+    if _crosses(np.where(np.isfinite(values), values, 0.0))[0].size > MOST_TERMS:
+        raise ValueError(TOO_MANY)
 
 
 def _add_up(found, expression, duration, places):
@@ -308,16 +345,46 @@ def instants(courses: list[Course], most: int = INSTANTS) -> np.ndarray:
 
     Both sides of every edge between polynomials, and `POINTS` within each.
     """
+    return _dense([course.edges for course in courses], most)
+
+
+def changes(
+    expression: Expression,
+    duration: float,
+    places: np.ndarray,
+    most: int = INSTANTS,
+    parts: int = 1,
+) -> np.ndarray:
+    """Times at which a function of time, or of x and t, is looked at before it is followed [s].
+
+    As `instants`, of its factors or, where it is no sum of products, of it at a few places; at a
+    cost that neither places nor breaks raise, divided by ``parts``.
+    """
+    followed = _in_time(expression, duration, places)
+    limit = max(64, SEEN // (len(followed) * expression.terms * parts))
+    return _dense([pieces_seen(one, duration, limit) for one in followed], most)
+
+
+def _in_time(expression, duration, places):
+    if "x" not in expression.variables:
+        return [expression]
+    found = _products(expression, duration, places)
+    if found is not None:
+        return found.factors
+    return [expression.at("x", float(x)) for x in places[:: max(1, places.size // WITNESSES)]]
+
+
+def _dense(found_edges, most):
     found = []
-    for course in courses:
-        every = max(1, course.edges.size // MOST_PIECES)
-        edges = np.append(course.edges[:-1:every], course.edges[-1])
+    for ends in found_edges:
+        every = max(1, ends.size // MOST_PIECES)
+        edges = np.append(ends[:-1:every], ends[-1])
         low, high = edges[:-1], edges[1:]
         within = (
             low[:, None] + (high - low)[:, None] * (1 - np.cos(np.linspace(0, np.pi, POINTS))) / 2
         )
         inner = np.stack([np.nextafter(low, high), np.nextafter(high, low)])
-        found += [course.edges, within.ravel(), inner.ravel()]
+        found += [ends, within.ravel(), inner.ravel()]
     times = np.unique(np.concatenate(found))
     every = max(1, -(-times.size // most))
     return np.unique(np.append(times[::every], times[[0, -1]]))
@@ -349,10 +416,7 @@ def _interpolated(expression, duration, places):
         if rows.size < places.size and _missed(found, places, judged_at) <= allowed:
             return found
     if places.size > MOST_PLACES:
-        raise ValueError(
-            "it is no sum of few products of a function of t and one of x, nor are there few "
-            f"enough particles to follow it at each: {MOST_PLACES} at most"
-        )
+        raise ValueError(TOO_MANY)
     factors = tuple(expression.at("x", float(place)) for place in places)
     return Everywhere(places, expression.constants["L"], factors)
 

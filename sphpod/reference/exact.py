@@ -33,6 +33,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import chebyshev
 
 from sphpod.numerics import propagator
+from sphpod.numerics.expressions import Expression
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.kernel import derivative_coefficient
 from sphpod.scene.resolution import jumps
@@ -231,6 +232,9 @@ def _force_profiles(scene, x):
 
 
 def _evenly_forced(scene):
+    """Whether the force is alike at all places; one that names x is not, without a look at it."""
+    if any(isinstance(term, Expression) for term in scene.forces):
+        return False
     return all(_uniform(profile) for profile in _force_profiles(scene, _fine_grid(scene)))
 
 

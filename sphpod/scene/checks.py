@@ -2,13 +2,12 @@
 
 import numpy as np
 
-from sphpod.numerics.course import Course
-from sphpod.numerics.enclosure import enclose
+from sphpod.numerics.enclosure import bounds_in
 from sphpod.numerics.expressions import Expression
-from sphpod.numerics.separation import instants
+from sphpod.numerics.separation import changes, check_places
 from sphpod.scene.ends import VELOCITY
 from sphpod.scene.kernel import derivative_coefficient, neighbour_count
-from sphpod.scene.scene import Scene, force_keys, is_whole
+from sphpod.scene.scene import IN_X, Scene, force_keys, is_whole
 from sphpod.scene.waves import GROWTH_LIMIT, growth_factor, largest_time_step
 
 MOVING = (1e-140, 1e140)
@@ -25,6 +24,12 @@ POINTS = 8, 400_000
 
 LOOKED_AT = 4096, 512
 """Places and times at which a function of both is checked, at most."""
+
+VALUES = 5
+"""Values of a function of place and time, or of time, that are as many as a point of a profile."""
+
+BOXES = 16, 64
+"""Parts of the domain and of the duration in which bounds of a function are looked at."""
 
 MOST_PAIRS = {True: 100_000_000, False: 5_000_000}
 """Neighbours on one side of all particles together: evenly spaced ones, and others."""
@@ -64,8 +69,11 @@ def check_step(scene: Scene) -> None:
         )
 
 
-def check_setting(scene: Scene) -> None:
-    """Refuse a scene that no integrator can simulate; raises as `check`."""
+def check_setting(scene: Scene, points: int = POINTS[1]) -> None:
+    """Refuse a scene that no integrator can simulate; raises as `check`.
+
+    With fewer ``points`` than usual, functions of time are not looked at where they change.
+    """
 
     def refuse(key, value, allowed):
         raise ValueError(f"scene {scene.name}: {key} = {value}: {allowed}")
@@ -74,11 +82,8 @@ def check_setting(scene: Scene) -> None:
     _check_particles(scene, refuse)
     _check_ends(scene, refuse)
     _check_work(scene, refuse)
-    parts = max(1, min(POINTS[0], POINTS[1] // scene.particle_count))
-    count = parts * (scene.bar_count - 1) + 1 if scene.ends else parts * scene.particle_count
-    fine = np.arange(count) * (scene.spacing / parts)
-    _check_profiles(scene, fine, refuse)
-    _check_force(scene, fine, refuse)
+    _check_profiles(scene, points, refuse)
+    _check_force(scene, points, refuse)
 
 
 def _check_times(scene, refuse):
@@ -174,16 +179,16 @@ def _check_ends(scene, refuse):
             )
 
 
-def _check_profiles(scene, fine, refuse):
+def _check_profiles(scene, count, refuse):
     """Refuse values that are not finite, or of a sign that nothing has."""
-    velocity = scene.initial_velocity(x=fine)
-    _check_values("initial_velocity", scene.initial_velocity, velocity, {"x": fine}, refuse)
-    _check_moving("initial_velocity", scene.initial_velocity.text, velocity, refuse)
+    velocity = scene.initial_velocity
+    _check_function(scene, "initial_velocity", velocity, count, refuse)
     for key in ("initial_density", "youngs_modulus", "damping"):
         expression = getattr(scene, key)
         if expression is None:
             continue
-        for points in _looked_at(scene, expression, key, fine, refuse):
+        least = 0.0 if key == "damping" else MOVING[0]
+        for points in _looked_at(scene, key, expression, count, refuse, least):
             values = expression(**points)
             _check_values(key, expression, values, points, refuse)
             _check_size(key, expression, values, refuse)
@@ -198,21 +203,62 @@ def _check_profiles(scene, fine, refuse):
                 )
 
 
-def _looked_at(scene, expression, key, fine, refuse):
-    """Points at which a function is checked, of one of x and t at times that its course shows."""
-    if expression.variables == ("x",):
-        yield {"x": fine}
+def _check_function(scene, key, expression, count, refuse, parts=1):
+    """Refuse what moves a scene where it is not finite, too large or too small."""
+    largest = 0.0
+    for points in _looked_at(scene, key, expression, count, refuse, -MOVING[1], parts):
+        values = expression(**points)
+        _check_values(key, expression, values, points, refuse)
+        largest = max(largest, float(np.abs(values).max()))
+    _check_moving(key, expression.text, largest, refuse)
+
+
+def _looked_at(scene, key, expression, count, refuse, least, parts=1):
+    """Points at which a function is checked, about ``count`` of one of x.
+
+    One of time is looked at all over it, and then where it changes, unless its bounds show that it
+    is nowhere less than ``least`` nor too large.
+    """
+    x = _fine(scene, expression, count)
+    if expression.variables == IN_X:
+        yield {"x": x}
         return
-    places = fine[:: max(1, fine.size // LOOKED_AT[0])]
-    for times in (np.linspace(0, scene.duration, LOOKED_AT[1]), None):
-        if times is None:
-            try:
-                parts = scene.separated(expression)
-            except ValueError as error:
-                refuse(key, expression.text, str(error))
-            courses = [Course.of(factor, scene.duration) for factor in parts.factors]
-            times = instants(courses, LOOKED_AT[1])
-        yield {"x": places[:, None], "t": times}
+    own, places = scene.in_bar(expression)
+    in_x, most = "x" in expression.variables, VALUES * count // (expression.terms * parts)
+    fully = count == POINTS[1]
+    if in_x:
+        try:
+            if fully:
+                check_places(own, scene.duration, places)
+        except ValueError as error:
+            refuse(key, expression.text, str(error))
+        usual = np.linspace(0, scene.duration, LOOKED_AT[1])
+        x = x[:: max(1, -(-x.size // min(max(most // usual.size, 16), LOOKED_AT[0])))]
+    else:
+        steps = scene.error_steps
+        usual = scene.times(steps[:: max(1, -(-steps.size // max(most, LOOKED_AT[1])))])
+    yield {"x": x[:, None], "t": usual} if in_x else {"t": usual}
+    if fully and not _is_bounded(scene, own, least):
+        times = changes(own, scene.duration, places, LOOKED_AT[1] if in_x else POINTS[1], parts)
+        yield {"x": x[:, None], "t": times} if in_x else {"t": times}
+
+
+def _fine(scene, expression, count):
+    """Places at and between the particles, as many as there is time for; usually all particles."""
+    cost = scene.particle_count * expression.terms
+    parts = min(max(count // cost, 1), POINTS[0])
+    every = max(cost // count, 1) if count < POINTS[1] else 1
+    places = parts * (scene.bar_count - 1) + 1 if scene.ends else parts * scene.particle_count
+    return np.arange(0, places, every) * (scene.spacing / parts)
+
+
+def _is_bounded(scene, expression, least):
+    """Whether bounds in few boxes show that a function is nowhere less, and not too large."""
+    x, t = (np.linspace(0, end, parts + 1) for end, parts in zip(
+        (scene.bar_length, scene.duration), BOXES, strict=True
+    ))  # fmt: skip
+    low, high = bounds_in(expression, x=(x[:-1, None], x[1:, None]), t=(t[:-1], t[1:]))
+    return bool((low >= least).all() and (high <= MOVING[1]).all())
 
 
 def _place(points, index):
@@ -222,31 +268,22 @@ def _place(points, index):
     return ", ".join(f"{name} = {value:g}" for name, value in at)
 
 
-def _check_force(scene, fine, refuse):
+def _check_force(scene, count, refuse):
     """Refuse a force that is not finite at some time or place."""
-    times = scene.error_times
+    for key, function in _force_functions(scene):
+        _check_function(scene, key, function, count, refuse, len(scene.forces))
+
+
+def _force_functions(scene):
+    """Key and expression of every part of the force."""
     for key, term in zip(force_keys(scene), scene.forces, strict=True):
         if isinstance(term, Expression):
-            largest = 0.0
-            for points in _looked_at(scene, term, key, fine, refuse):
-                values = term(**points)
-                _check_values(key, term, values, points, refuse)
-                largest = max(largest, np.abs(values).max())
-            _check_moving(key, term.text, largest, refuse)
+            yield key, term
             continue
         for factor, shape in zip(term.factors, term.shapes, strict=True):
-            force = factor(t=times)
-            _check_values(key, factor, force, {"t": times}, refuse)
-            _check_moving(key, factor.text, force, refuse)
-            if not _is_bounded(factor, scene.duration):
-                course = Course.of(factor, scene.error_times[-1])
-                if not np.isnan(course.singular):
-                    at = {"t": np.array([course.singular])}
-                    _check_values(key, factor, np.array([np.nan]), at, refuse)
+            yield key, factor
             if shape is not None:
-                profile = shape(x=fine)
-                _check_values(f"{key}.profile", shape, profile, {"x": fine}, refuse)
-                _check_moving(f"{key}.profile", shape.text, profile, refuse)
+                yield f"{key}.profile", shape
 
 
 def number(value: float) -> str:
@@ -257,27 +294,21 @@ def number(value: float) -> str:
 
 def _check_work(scene, refuse):
     """Refuse sums of so many terms that to check them alone would take long."""
-    places, times = scene.particle_count, scene.error_steps.size
     functions = [
-        (key, getattr(scene, key))
+        (key, getattr(scene, key), 1)
         for key in ("initial_velocity", "initial_density", "youngs_modulus", "damping")
     ]
-    for key, term in zip(force_keys(scene), scene.forces, strict=True):
-        if isinstance(term, Expression):
-            functions.append((key, term))
-        else:
-            functions += [(key, factor) for factor in term.factors]
-            functions += [(f"{key}.profile", shape) for shape in term.shapes]
-    for key, expression in functions:
+    functions += [(key, one, len(scene.forces)) for key, one in _force_functions(scene)]
+    for key, expression, parts in functions:
         if expression is None:
             continue
-        points, what, most = places, "particles", MOST_TERMS
+        points, what, most = scene.particle_count, "particles", MOST_TERMS
         if "x" not in expression.variables:
-            points, what = times, "times"
+            points, what, parts = scene.error_steps.size, "times", 1
         elif "t" in expression.variables:
             points, what, most = LOOKED_AT[1], "times and some places", MOST_FOLLOWED * LOOKED_AT[1]
-        if expression.terms * points > most:
-            most = max(1, most // points)
+        if expression.terms * points * parts > most:
+            most = max(1, most // (points * parts))
             refuse(
                 key,
                 expression.text,
@@ -305,13 +336,6 @@ def _check_moving(key, text, values, refuse):
             f"its largest size is {largest:g}, which must be 0 or from {low:g} to {high:g}, or its "
             "square is beyond double precision",
         )
-
-
-def _is_bounded(force, duration):
-    """Whether bounds on few intervals show that a force is finite, without following its course."""
-    edges = np.linspace(0, duration, 17)
-    bounds = enclose(force, edges[:-1], edges[1:])
-    return bool(np.isfinite([bounds.low, bounds.high]).all())
 
 
 def _check_values(key, expression, values, points, refuse):

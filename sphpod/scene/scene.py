@@ -15,7 +15,7 @@ import numpy as np
 from sphpod.numerics.course import Course
 from sphpod.numerics.error import blocks
 from sphpod.numerics.expressions import Expression
-from sphpod.numerics.separation import Products, Separated, instants, separate
+from sphpod.numerics.separation import INSTANTS, Products, Separated, changes, separate
 from sphpod.scene.ends import MATERIAL, VELOCITY, Ends, Mirrored
 from sphpod.scene.kernel import derivative, neighbour_lists, stencil_weights
 from sphpod.scene.start import Start
@@ -53,6 +53,12 @@ IN_X, IN_T, IN_X_AND_T = ("x",), ("t",), ("x", "t")
 
 MOST_STEPS = 10**15
 """Time steps up to which a time is a whole number of them."""
+
+EVALUATIONS, FEWEST_TIMES = 2**24, 16
+"""Values, times the terms of sums, at which extremes in time are looked for; times at least."""
+
+BLOCK = 2**20
+"""Values that are looked at together, which bounds the memory."""
 
 MOST_JUMPED = 8
 """Terms of a force up to which models that are exact in time jump from output to output."""
@@ -296,7 +302,7 @@ class Scene:
     @property
     def is_steady(self) -> bool:
         """Whether modulus and damping do not change with time."""
-        return self.changing("youngs_modulus") is None and self.changing("damping") is None
+        return not self.varies("youngs_modulus") and not self.varies("damping")
 
     @property
     def translates(self) -> bool:
@@ -307,7 +313,7 @@ class Scene:
         """
         if not self.is_even or (self.ends and self.ends.is_fixed):
             return False
-        if self.forces or self.changing("damping") is not None:
+        if self.forces or self.varies("damping"):
             return True
         damping = self.damping_values()
         if damping.size and damping.min() < damping.max():
@@ -370,12 +376,16 @@ class Scene:
         velocity = self.velocity0()
         return velocity if self.start is None else np.append(velocity, self.starting_strain())
 
+    def varies(self, key: str) -> bool:
+        """Whether ``youngs_modulus`` or ``damping`` changes with time."""
+        expression = getattr(self, key)
+        return expression is not None and expression.variables == IN_X_AND_T
+
     def changing(self, key: str) -> Changing | None:
         """``youngs_modulus`` or ``damping`` at the particles where it changes with time."""
-        expression = getattr(self, key)
-        if expression is None or expression.variables != IN_X_AND_T:
+        if not self.varies(key):
             return None
-        parts = self.separated(expression)
+        parts = self.separated(getattr(self, key))
         if key == "damping" or self.interface is None:
             profiles = parts.profiles(self.positions)
         else:
@@ -384,11 +394,16 @@ class Scene:
 
     def separated(self, expression: Expression, beside: float = 0.0) -> Separated:
         """A function of x and t as a sum of products, at the particles or ``beside`` them [m]."""
+        own, places = self.in_bar(expression, beside)
+        found = separate(own, self.duration, places)
+        return expression.of_line(found) if isinstance(expression, Mirrored) else found
+
+    def in_bar(self, expression: Expression, beside: float = 0.0) -> tuple[Expression, np.ndarray]:
+        """A function without its images, and the particles that are none, or places beside [m]."""
         places = self.positions + beside
         if isinstance(expression, Mirrored):
-            within = places[: self.bar_count - (beside > 0)]
-            return expression.of_line(separate(expression.expression, self.duration, within))
-        return separate(expression, self.duration, places)
+            return expression.expression, places[: self.bar_count - (beside > 0)]
+        return expression, places
 
     def modulus(self) -> np.ndarray:
         """Young's modulus of the particles in SPH [Pa], shape (N,); of one that changes, at t = 0.
@@ -416,14 +431,13 @@ class Scene:
 
     def largest_modulus(self) -> np.ndarray:
         """Largest modulus over T of each particle [Pa], shape (N,), where it is looked at."""
-        changing = self.changing("youngs_modulus")
-        return self.modulus() if changing is None else _extremes(changing)[1]
+        varies = self.varies("youngs_modulus")
+        return _extremes(self, "youngs_modulus")[1] if varies else self.modulus()
 
     def damping_range(self) -> tuple[float, float]:
         """Smallest and largest damping coefficient of any particle over T [1/s]."""
-        changing = self.changing("damping")
-        if changing is not None:
-            low, high = _extremes(changing)
+        if self.varies("damping"):
+            low, high = _extremes(self, "damping")
             return float(low.min()), float(high.max())
         values = self.damping_values()
         return (float(values.min()), float(values.max())) if values.size else (0.0, 0.0)
@@ -528,14 +542,20 @@ def at_start(expression: Expression, x: np.ndarray) -> np.ndarray:
     return expression(x=x)
 
 
-def _extremes(changing):
-    """Smallest and largest value of each particle over the duration, (N,) each."""
-    times = instants(list(changing.courses))
-    least, most = np.full((2, changing.profiles.shape[1]), [[np.inf], [-np.inf]])
-    for rows in blocks(times.size):
-        values = changing.at(times[rows])
-        least, most = np.minimum(least, values.min(axis=0)), np.maximum(most, values.max(axis=0))
-    return least, most
+@lru_cache(maxsize=8)
+def _extremes(scene, key):
+    """Smallest and largest value of each particle over the duration where looked at, (N,) each."""
+    expression, count = getattr(scene, key), scene.particle_count
+    averaged = key == "youngs_modulus" and scene.interface is not None
+    cells = scene._half_cells() if averaged else [scene.positions]
+    most = max(FEWEST_TIMES, EVALUATIONS // (count * expression.terms))
+    own, places = scene.in_bar(expression)
+    times = changes(own, scene.duration, places, min(INSTANTS, most))
+    low, high = np.full((2, count), [[np.inf], [-np.inf]])
+    for rows in blocks(times.size, max(1, BLOCK // count)):
+        values = np.mean([expression(x=x[:, None], t=times[rows]) for x in cells], axis=0)
+        low, high = np.minimum(low, values.min(axis=1)), np.maximum(high, values.max(axis=1))
+    return low, high
 
 
 def parameter_values(settings: Mapping[str, Any]) -> dict[str, float]:

@@ -8,6 +8,7 @@ velocity only how it is spread over frequencies: neither takes a spectrum.
 """
 
 import logging
+from functools import lru_cache
 
 import numpy as np
 
@@ -27,6 +28,7 @@ MOST_DENSE, MOST_STEPS = 400, 1e9
 """Particles and steps up to which powers of the step are taken, as dense matrices."""
 
 
+@lru_cache(maxsize=8)
 def fastest_wave(scene):
     """Upper bound of the angular frequency of the fastest wave that the particles carry.
 
@@ -98,7 +100,7 @@ def growth_factor(scene, time_step=None, limit=GROWTH_LIMIT):
         Growth of the amplitude over T, at least 1; infinite when it is beyond floating point.
     """
     step = scene.time_step if time_step is None else time_step
-    smallest, largest = scene.damping_range()
+    smallest, largest = _damping_range(scene)
 
     def bound(excess):
         stiff = max(step * largest - 1, 1)
@@ -266,6 +268,12 @@ def largest_time_step(scene, growth):
     return low
 
 
+@lru_cache(maxsize=8)
+def _damping_range(scene):
+    return scene.damping_range()
+
+
+@lru_cache(maxsize=2)
 def _coupling(scene):
     """A of the scaled fields of `sphpod.full.lifted` [1/s], a scipy.sparse matrix (N, N)."""
     from scipy.sparse import diags_array

@@ -121,7 +121,9 @@ def test_faults_of_defaults_are_named_once(defaults, answer):
     [
         ({"time_step": "5"}, "time_step = '5': it must be a number"),
         ({"error_interval": 0.0100000001}, "error_interval = 0.0100000001: it must be a whole"),
-        ({"error_interval": 1e308}, "error_interval = 1.0e+308: it must be at most T = 1"),
+        ({"error_interval": 1e308}, "error_interval = 1.0e+308: it must be at most the duration"),
+        ({"duration": 1e308}, "duration = 1.0e+308: it must be a positive number from 1e-100"),
+        ({"duration": 1e-320}, "duration = 1.0e-320: it must be a positive number from 1e-100"),
         ({"domain_length": 1e200}, "domain_length = 1e+200: it must be a positive"),
         ({"domain_length": 1e-200}, "domain_length = 1e-200: it must be a positive"),
         ({"smoothing_ratio": 1e308}, "smoothing_ratio = 1e+308: the kernel's support of 4h wraps"),

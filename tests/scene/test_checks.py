@@ -1,0 +1,38 @@
+"""Checks of a scene take no more work for more particles, and refuse what is seen at few times."""
+
+import pytest
+from scenes import scene
+
+from sphpod.numerics.expressions import Expression
+from sphpod.scene import checks
+
+FRONT = "where(cos(2*pi*x/L - 3*t) > 0, 1, 0)"
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"youngs_modulus": f"0.1*(1 + 0.5*{FRONT})"}, {"damping": FRONT}, {"force": FRONT}],
+    ids=lambda changes: next(iter(changes)),
+)
+def test_a_front_is_checked_at_a_cost_that_particles_do_not_raise(changes, monkeypatch):
+    calls: list[str] = []
+    evaluated = Expression._evaluated
+
+    def counted(self, *given):
+        calls.append(self.text)
+        return evaluated(self, *given)
+
+    monkeypatch.setattr(Expression, "_evaluated", counted)
+
+    def cost(count):
+        calls.clear()
+        checks.check(scene(**changes, particle_count=count, time_step=1e-6, error_interval=0.01))
+        return len(calls)
+
+    assert cost(4000) < 2 * cost(200)
+
+
+def test_a_pulse_in_which_a_modulus_is_negative_is_found_wherever_it_travels():
+    pulse = "0.1*(1 - 2*where(abs(t - 0.2345678 - 0.1*x) < 1e-9, 1, 0))"
+    with pytest.raises(ValueError, match=r"youngs_modulus = .* must be positive everywhere"):
+        checks.check_setting(scene(youngs_modulus=pulse, particle_count=400))
