@@ -37,22 +37,25 @@ def shared_modes(solved: Iterable[tuple[Scene, Arrays]]) -> dict[str, np.ndarray
         momentum moves waves; else there is none.
     """
     solved = list(solved)
-    scenes = [scene for scene, _ in solved]
-    strain = np.concatenate([fields["strain"] for _, fields in solved])
-    translates, volumes = any(scene.translates for scene in scenes), scenes[0].volumes
+    scenes, root = [scene for scene, _ in solved], np.sqrt(solved[0][0].volumes)
+    strain, velocity = (
+        root * np.concatenate([fields[name] for _, fields in solved])
+        for name in ("strain", "velocity")
+    )
     # Of a motion that is a translation alone, waves are rounding.
     slowness = max(np.sqrt((scene.density0() / scene.modulus()).max()) for scene in scenes)
-    speed = np.sqrt(sum(np.linalg.norm(fields["velocity"]) ** 2 for _, fields in solved))
+    size = max(np.linalg.norm(strain), np.linalg.norm(velocity) * slowness)
     found = proper_modes(strain, None)
-    zero = max(strain.shape) * np.finfo(float).eps * max(np.linalg.norm(strain), speed * slowness)
-    waves = found.modes[: np.count_nonzero(found.singular_values > zero)]
-    constant = np.ones((int(translates or not scenes[0].is_even), volumes.size))
-    rows = np.concatenate([constant, _displacements(scenes[0], waves)]) * np.sqrt(volumes)
+    zero = max(strain.shape) * np.finfo(float).eps * size
+    waves = found.modes[: np.count_nonzero(found.singular_values > zero)] / root
+    translates = any(scene.translates for scene in scenes)
+    constant = np.ones((int(translates or not scenes[0].is_even), root.size))
+    rows = np.concatenate([constant, _displacements(scenes[0], waves)]) * root
     columns, left = np.linalg.qr(rows.T)
     shares = np.diag(left)
     dependent = np.abs(shares) <= DEPENDENT * np.linalg.norm(rows, axis=1).max(initial=0)
     rank = int(np.argmax(dependent)) if dependent.any() else len(rows)
-    modes = (columns * np.sign(shares)).T[:rank] / np.sqrt(volumes)
+    modes = (columns * np.sign(shares)).T[:rank] / root
     return {"velocity_modes": modes, "translation": np.array(int(translates))}
 
 
