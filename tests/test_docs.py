@@ -206,7 +206,7 @@ def test_surveys_are_accepted_as_written(tmp_path):
     scenes["graded_bar"] |= scene["scenes"]["graded_bar"]
     surveys["soft_inclusion"] = worked["surveys"]["soft_inclusion"] | design
     path = tmp_path / "surveys.yaml"
-    for parameters in ({}, uncertain):
+    for parameters in [scene["scenes"]["graded_bar"]["parameters"], uncertain]:
         scenes["graded_bar"]["parameters"] |= parameters
         path.write_text(yaml.safe_dump({"scenes": scenes, "surveys": surveys}))
         assert set(config.load([path])["surveys"]) == {"graded_bar", "soft_inclusion"}
