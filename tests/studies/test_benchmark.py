@@ -239,7 +239,7 @@ def results_of_pairs(case):
             if isinstance(found, Run):
                 fields = found.state
             elif isinstance(found, tuple):
-                fields = found[0].coupling, found[0].force, found[0].start
+                fields = found[0].stiffness, found[0].force, found[0].start
             else:
                 fields = [found[field] for field in error.FIELDS]
             sides.append([field.copy() for field in fields])
