@@ -6,7 +6,7 @@ SITE := .venv-docs/bin
 CRATE := .venv-deposit/bin
 PEERS := .venv-peers/bin
 
-.PHONY: figures check peers cluster deposit docs performance pictures test lint format reference pins clean
+.PHONY: figures check peers cluster deposit docs performance pictures test cf lint format reference pins clean
 
 # Every figure, error and claim of the paper; or of another configuration: make figures CONFIG=...
 CONFIG ?=
@@ -48,6 +48,9 @@ pictures: .venv/ready
 test: .venv/ready
 	$(BIN)/python -m pytest
 
+# The checker of CF, by which tests look at a file of every kind where it is there
+cf: .venv-cf/ready
+
 lint: .venv/ready .venv-lint/ready
 	$(LINT)/ruff check .
 	$(LINT)/ruff format --check .
@@ -72,6 +75,7 @@ pins:
 	echo "--editable .[tests]" | $(COMPILE) - --output-file environment.txt
 	$(COMPILE) --group lint --output-file environment-lint.txt
 	$(COMPILE) --group deposit --output-file environment-deposit.txt
+	$(COMPILE) --group cf --output-file environment-cf.txt
 	echo "--editable ." | $(COMPILE) --group docs - --output-file environment-docs.txt
 	echo snakemake-executor-plugin-cluster-generic | $(COMPILE) --no-deps - --output-file environment-cluster.txt
 
@@ -89,7 +93,7 @@ CHECK_PYTHON = $(PYTHON) -c 'import os, sys; sys.exit("Python 3.11 or newer is n
 	$(BIN)/pip install --quiet --disable-pip-version-check --requirement environment.txt
 	touch $@
 
-# Those of the checkers of text, of what describes a deposit, and of the site, whose pages of functions
+# Those of the checkers of text and of CF files, of what describes a deposit, and of the site, whose pages of functions
 # and figures come from the package
 .venv-%/ready: environment-%.txt
 	@$(CHECK_PYTHON)

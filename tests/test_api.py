@@ -378,6 +378,7 @@ def test_what_is_declared_is_pinned():
         ("environment-lint.txt", [groups_of["lint"]]),
         ("environment-docs.txt", [project["project"]["dependencies"], groups_of["docs"]]),
         ("environment-deposit.txt", [groups_of["deposit"]]),
+        ("environment-cf.txt", [groups_of["cf"]]),
         ("environment-cluster.txt", [extras["cluster"]]),
     ):
         text = (ROOT / path).read_text(encoding="utf-8")

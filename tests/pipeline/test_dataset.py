@@ -3,7 +3,6 @@
 import json
 import os
 import random
-import shutil
 import subprocess
 import sys
 import time
@@ -282,14 +281,6 @@ def test_files_are_such_as_other_tools_read(tmp_path):
     assert set(back) == set(arrays)
     for name, values in arrays.items():
         np.testing.assert_array_equal(back[name], values)
-
-
-@pytest.mark.skipif(not shutil.which("compliance-checker"), reason="it is not installed")
-def test_a_checker_of_cf_finds_nothing(tmp_path):
-    write(tmp_path / "sph.nc", solution() | {"solution": np.array(["sph", "fd"])})
-    program = ["compliance-checker", "--test=cf:1.11", "--criteria=strict"]
-    run = subprocess.run([*program, tmp_path / "sph.nc"], capture_output=True, text=True)
-    assert run.returncode == 0, run.stdout
 
 
 def test_a_table_says_what_names_mean():

@@ -9,6 +9,7 @@ import sys
 import time
 from pathlib import Path
 
+import cf
 import numpy as np
 import pytest
 
@@ -55,6 +56,12 @@ def test_a_survey_gives_answers_tables_and_figures(surveyed) -> None:
     answers = dataset.read(surveyed / FOLDER / "answers.nc")
     assert answers["sensor"].shape == (12, 21)
     assert not answers["reason"].astype(bool).any()
+
+
+@cf.needed
+def test_files_of_a_survey_keep_to_the_conventions_of_cf(surveyed) -> None:
+    kinds = cf.check(surveyed / FOLDER)
+    assert {"training/", "queries/", "model.nc", "answers.nc", "design.nc"} <= kinds
 
 
 def test_the_report_shows_the_figures_of_a_survey(surveyed) -> None:

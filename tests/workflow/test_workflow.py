@@ -10,6 +10,7 @@ import time
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import cf
 import numpy as np
 import pandas as pd
 import pytest
@@ -857,6 +858,12 @@ rule mine:
         dataset.read(root / "small/results/waves/errors.nc") for root in (tmp_path, built)
     )
     np.testing.assert_array_equal(theirs["velocity_error"], ours["velocity_error"])
+
+
+@cf.needed
+def test_files_of_every_kind_keep_to_the_conventions_of_cf(benchmarked, stabilised):
+    kinds = cf.check(benchmarked / "small/results") | cf.check(stabilised / "small/results")
+    assert {"sph.nc", "pod.nc", "original/", "lifted_full.nc", "benchmark.nc", "growth.nc"} <= kinds
 
 
 def test_the_report_shows_every_figure(built):
