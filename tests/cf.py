@@ -11,7 +11,7 @@ import pytest
 CHECKER = shutil.which(
     "compliance-checker", path=f"{Path(__file__).parents[1] / '.venv-cf/bin'}:{os.environ['PATH']}"
 )
-needed = pytest.mark.skipif(CHECKER is None, reason="there is no compliance-checker: make cf")
+needed = pytest.mark.skipif(not CHECKER, reason="there is no compliance-checker: make cf")
 
 
 def one_of_every_kind(folder):
@@ -25,6 +25,7 @@ def one_of_every_kind(folder):
 
 def check(folder):
     kinds = one_of_every_kind(folder)
+    assert CHECKER
     program = [CHECKER, "--test=cf:1.11", "--criteria=strict"]
     run = subprocess.run([*program, *kinds.values()], capture_output=True, text=True, check=False)
     assert run.stdout.count("All tests passed!") == len(kinds), run.stdout + run.stderr
