@@ -11,7 +11,8 @@ from survey_cases import SCENE
 
 from sphpod.config.config import load
 from sphpod.full import lifted
-from sphpod.reduced.lifted_rom import LiftedModel
+from sphpod.reduced.error_bound import error_bounds
+from sphpod.reduced.lifted_rom import LiftedModel, build, decompose
 from sphpod.scene.scene import parameter_values
 from sphpod.surveys import samples
 from sphpod.surveys.modes import shared_modes
@@ -120,6 +121,29 @@ def test_a_query_is_the_lifted_model_of_its_modes_and_their_strains(surveys, cas
     ours, _ = scaled(survey, answer, scene)
     theirs = np.concatenate([velocity @ own.velocity_modes, strain @ own.strain_modes], axis=1)
     assert np.abs(ours - theirs).max() <= 1e-9 * np.abs(ours).max()
+
+
+@pytest.mark.parametrize("case", sorted(CASES))
+def test_models_of_other_modes_are_within_both_bounds(surveys, case) -> None:
+    """Those of the nominal run alone, of velocity and of strain each by itself."""
+    resolved, survey = surveys[case]
+    nominal = parameter_values(resolved)
+    scene = samples.scene_at("bar", resolved, nominal)
+    answer = survey.answer(nominal)
+    ours, full = scaled(survey, answer, scene)
+    fields = lifted.solve(scene, "exact")
+    names = "velocity", "strain"
+    modes = decompose(scene, {f"{name}_snapshots": fields[name][1:4] for name in names})
+    other = build(scene, modes).prepare("lifted_exact").run()
+    bound, _ = error_bounds(other)
+    velocity, strain = other.coordinates()
+    theirs = np.concatenate(
+        [velocity @ other.reduced.velocity_modes, strain @ other.reduced.strain_modes], axis=1
+    )
+    difference = np.linalg.norm(ours - theirs, axis=1)
+    size = np.linalg.norm(full, axis=1).max()
+    assert np.all(difference <= answer.bound + bound + 1e-11 * size)
+    assert difference.max() > 1e-4 * size
 
 
 def test_what_falls_apart_is_not_evaluated_at_the_particles(surveys, monkeypatch) -> None:
