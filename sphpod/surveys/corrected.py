@@ -21,11 +21,12 @@ X, whatever d is. The squares of that and of 2ρω X together are smallest for t
     (A Aᵀ + λ (λ + d)) X = R,    λ + ρ being written λ.
 
 What is left is computed of X as it comes out, so that the bound holds however well that is solved.
-All this is of the size of the particles.
+Both are of the size of the particles (`Line`), or within what a few shared modes span, as large as
+the model (`sphpod.surveys.corrections`).
 """
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -41,6 +42,36 @@ The larger one is the better where modes of nearly one frequency are not told ap
 
 LEAST_SQUARES = 3.0
 """ρ of oscillators, of that of complex modes: its square is left, instead of itself."""
+
+
+class Full(Protocol):
+    """A full model, or as much as is known of it, in which the modes of a query are corrected.
+
+    Attributes
+    ----------
+    start : array, shape (rows,)
+        Scaled initial velocity.
+    force : array, shape (rows, forces)
+        Scaled profiles.
+    damping : array, shape (rows,), or float
+        d [1/s], as far as it is known by row; else 0.
+    """
+
+    start: np.ndarray
+    force: np.ndarray
+    damping: Any
+
+    def rows(self, columns: np.ndarray) -> np.ndarray:
+        """Columns of the velocity as those of the start are given, (rows, m)."""
+
+    def rate(self, velocity: np.ndarray, displacement: np.ndarray) -> np.ndarray:
+        """Rate of change of the velocity, (rows, m)."""
+
+    def solved(self, right: np.ndarray, squares: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """X of (A Aᵀ + squares + rates d) X = right, of its own squares and rates a column."""
+
+    def change(self, moved: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Columns of velocity and strain, as long as these are, of what modes are changed by."""
 
 
 @dataclass(frozen=True)
@@ -67,63 +98,104 @@ class Line:
     start: np.ndarray
     force: np.ndarray
 
-    def rate(self, velocity: np.ndarray, strain: np.ndarray) -> np.ndarray:
+    def rows(self, columns: np.ndarray) -> np.ndarray:
+        """Those of the particles."""
+        return columns
+
+    def rate(self, velocity: np.ndarray, displacement: np.ndarray) -> np.ndarray:
         """Rate of change of the velocity, of columns (N, m)."""
-        return -(self.stretch.T @ strain) - (self.damping * velocity.T).T
+        pulled = self.stretch.T @ (self.stretch @ displacement)
+        return -pulled - (self.damping * velocity.T).T
+
+    def solved(self, right: np.ndarray, squares: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """X of (A Aᵀ + squares + rates d) X = right, (N, m); zero where that fails."""
+        shifts = np.empty(right.shape[::-1], complex)
+        shifts[:] = squares[:, None] + rates[:, None] * self.damping
+        solved = np.array(right.T, complex, order="C")
+        solve_shifted(*folded(self.stretch.T @ self.stretch), shifts, solved)
+        return np.where(np.isfinite(solved).all(axis=1)[:, None], solved, 0).T
+
+    def change(self, moved: np.ndarray, change: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Columns of velocity and strain of the particles."""
+        return moved, self.stretch @ change
 
 
 def corrected_bound(
-    query: Any, line: Line, velocity: np.ndarray, displacement: np.ndarray, shift: float
+    query: Any, full: Full, velocity: np.ndarray, displacement: np.ndarray, shift: float | None
 ) -> np.ndarray:
     """Bound of the energy norm of the error at the outputs, (times,).
 
     Parameters
     ----------
     query : Query
-    line : Line
+    full : Full
         Its full model.
-    velocity, displacement : arrays, shape (N, coordinates)
+    velocity, displacement : arrays, shape (columns, coordinates)
         Its own modes, scaled.
-    shift : float
-        One of `SHIFTS`.
+    shift : float or None
+        One of `SHIFTS`; nothing is corrected without one.
     """
     own, push, z = query.own, query.push, query.own_start
+    oscillates, count = query.uniform is not None and not query.courses, len(own.blocks)
+    # The residual of oscillators is of displacements alone.
+    left_in = slice(count if oscillates else 0, None)
 
-    def left(velocity, strain):
-        return line.rate(velocity, strain) - own.times_operator(velocity)
+    def left(velocity, displacement):
+        turned = own.times_operator(velocity)[:, left_in]
+        return full.rate(velocity[:, left_in], displacement[:, left_in]) - full.rows(turned)
 
-    strain = line.stretch @ displacement
-    residual = left(velocity, strain)
-    change = _change(query, line, shift, residual)
-    moved, strained = own.times_operator(change), line.stretch @ change
-    residual, velocity = residual + left(moved, strained), velocity + moved
-    beside = float(np.linalg.norm([line.start - velocity @ z, (strain + strained) @ z]))
-    size = float(np.linalg.norm(line.start))
-    if query.uniform is not None and not query.courses:
-        state, count = query.solve(), len(own.blocks)
-        added = np.hypot(
-            *(
-                np.linalg.norm(np.linalg.qr(columns[:, part], mode="r") @ state[part], axis=0)
-                for columns, part in ((moved, slice(count)), (strained, slice(count, None)))
-            )
+    residual = left(velocity, displacement)
+    changed: list[np.ndarray] = []
+    beside = 0.0
+    if shift is not None and own.blocks.shape[-1] == 2:
+        change = correction(query, full, shift, residual)
+        moved = own.times_operator(change)
+        after, both = residual + left(moved, change), list(full.change(moved, change))
+        if _promised(query, after, *both) < _promised(query, residual):
+            residual, velocity, changed = after, velocity + moved, both
+            beside = _norm(both[1] @ z)
+    beside = float(np.hypot(beside, _norm(full.start - full.rows(velocity @ z[:, None])[:, 0])))
+    size = _norm(full.start)
+    if oscillates:
+        state = query.state
+        # Of oscillators velocity and strain are coordinates apart.
+        parts = slice(count), slice(count, None)
+        added = [
+            np.linalg.norm(np.linalg.qr(columns[:, part], mode="r") @ state[part], axis=0)
+            for columns, part in zip(changed, parts, strict=False)
+        ]
+        return oscillating_bound(query, residual, beside, size) + np.sqrt(
+            sum(norms**2 for norms in added)
         )
-        return oscillating_bound(query, residual, beside, size) + added
-    # The force moves the changed displacement at once, and no velocity does.
-    jumps = np.linalg.qr(strained @ push, mode="r")
-    rows = np.block(
-        [[residual, line.force - velocity @ push], [np.zeros((len(jumps), z.size)), jumps]]
-    )
-    damping = np.append(np.broadcast_to(line.damping, len(residual)), np.zeros(len(jumps)))
-    sizes = size, float(np.linalg.norm(line.force))
-    return driven_bound(query, rows, damping, beside, sizes, np.concatenate([moved, strained]))
+    left_over = full.force - full.rows(velocity @ push)
+    rows, damping = np.concatenate([residual, left_over], axis=1), full.damping
+    sizes, both = (size, _norm(full.force)), None
+    if changed:
+        both = np.concatenate(changed)
+        # The force moves the changed displacement at once, and no velocity does.
+        jumps = np.linalg.qr(changed[1] @ push, mode="r")
+        rows = np.concatenate([rows, np.pad(jumps, ((0, 0), (z.size, 0)))])
+        damping = np.append(np.broadcast_to(damping, len(residual)), np.zeros(len(jumps)))
+    return driven_bound(query, rows, damping, beside, sizes, both)
 
 
-def _change(query, line, shift, residual):
-    """X of the residual R, (N, coordinates)."""
-    own, change = query.own, np.zeros_like(residual)
-    if own.blocks.shape[-1] > 2:
-        return change
-    count = len(own.blocks)
+def _promised(query, residual, *changes):
+    """What a bound is about, of the largest coordinates alone."""
+    largest = np.abs(query.state).max(axis=1)
+    lasting = query.scene.duration * _norm(residual * largest[-residual.shape[1] :])
+    return lasting + sum(_norm(change * largest) for change in changes)
+
+
+def _norm(array):
+    return float(np.linalg.norm(array))
+
+
+def correction(query: Any, full: Full, shift: float, residual: np.ndarray) -> np.ndarray:
+    """X of the residual R (rows, coordinates) of a query in pairs, (columns, coordinates).
+
+    Of oscillators R is that of the displacements alone, or ends with it.
+    """
+    own, count = query.own, len(query.own.blocks)
     pairs = count - own.singles
     longest = 1 / query.scene.duration
     if own.apart:
@@ -132,24 +204,16 @@ def _change(query, line, shift, residual):
             slow = np.minimum(frequency, decay)
             decay = slow * (slow / decay)
         value = frequency + 1j * LEAST_SQUARES * shift * np.maximum(longest, decay)
-        change[:, count:] = _solved(line, residual[:, count:], -(value**2)[:, None]).real
-        return change
+        driven = residual[:, residual.shape[1] - pairs :]
+        found = full.solved(driven, -(value**2), np.zeros(pairs)).real
+        return np.pad(found, ((0, 0), (count, 0)))
     value = own.blocks[:, 0, 0] - 1j * own.blocks[:, 0, 1]
     # Along the imaginary axis a mode that is real is shifted away from others that are.
     away = np.where(np.arange(count) < pairs, 1, 1j)
-    value = (value + shift * away * np.maximum(longest, -value.real))[:, None]
+    value = value + shift * away * np.maximum(longest, -value.real)
     driven = residual[:, :count] - 1j * np.pad(residual[:, count:], ((0, 0), (0, own.singles)))
-    found = _solved(line, driven, value * (value + line.damping))
-    change[:, :count], change[:, count:] = found.real, -found[:, :pairs].imag
-    return change
-
-
-def _solved(line, right, shifts):
-    """(A Aᵀ + shifts)⁻¹ of columns; zero where that fails."""
-    shifts = np.ascontiguousarray(np.broadcast_to(shifts, right.shape[::-1]))
-    solved = np.array(right.T, complex, order="C")
-    solve_shifted(*folded(line.stretch.T @ line.stretch), shifts, solved)
-    return np.where(np.isfinite(solved).all(axis=1)[:, None], solved, 0).T
+    found = full.solved(driven, value**2, value)
+    return np.concatenate([found.real, -found[:, :pairs].imag], axis=1)
 
 
 def folded(matrix: Any) -> tuple[np.ndarray, np.ndarray]:

@@ -73,6 +73,7 @@ class ParametricField:
             least = float(self.floor(values))
             if self.is_one_term or least > 0:
                 return least
+            return float((self.factors(values) @ self._distinct).min())
         return float(self.at(values).min())
 
     def floor(self, values: Values) -> np.ndarray:
@@ -84,6 +85,12 @@ class ParametricField:
         """Least and largest value of each term, (2, terms)."""
         assert self.profiles is not None
         return np.array([self.profiles.min(axis=1), self.profiles.max(axis=1)])
+
+    @cached_property
+    def _distinct(self):
+        """What the terms are together at the particles, once each: of layers a column a layer."""
+        assert self.profiles is not None
+        return np.unique(self.profiles, axis=1)
 
     @property
     def is_even(self) -> bool:

@@ -27,14 +27,14 @@ def oscillating_bound(query: Any, residual: np.ndarray, beside: float, size: flo
     ----------
     query : Query
         Without a force, and of uniform damping.
-    residual : array, shape (rows, coordinates)
-        By own coordinates, of which only displacements count.
+    residual : array, shape (rows, pairs)
+        By own coordinates of displacements.
     beside : float
         Energy norm of the initial state that the modes do not hold.
     size : float
         Energy norm at t = 0, below a part of which nothing is worth refining.
     """
-    factor = np.asarray(np.linalg.qr(residual[:, len(query.own.blocks) :], mode="r"))
+    factor = np.asarray(np.linalg.qr(residual, mode="r"))
     duration, steps = query.scene.duration, COARSEST
     while True:
         bound, straight = _on_grid(query, factor, beside, steps)

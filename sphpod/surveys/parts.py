@@ -12,8 +12,9 @@ scaled columns
     √(Vρ0) (G c GΦᵀ q/ρ0 - d Φᵀ a + p f)
 
 have beside √(Vρ0) Φᵀ. Where a parameter only scales ρ0, and c, d, p and v0 fall apart into terms,
-all these are sums of matrices that are made once; of the columns it is a QR factor, as small as the
-model, without the loss of half the digits that a Gram matrix has. What does not fall apart is
+all these are sums of matrices that are made once; of the columns, and those of the modes by which
+the bound is sharpened, it is a QR factor, as small as the model, without the loss of half the
+digits that a Gram matrix has. What does not fall apart is
 evaluated at the particles in the query.
 """
 
@@ -58,23 +59,27 @@ class Inertia:
 
 @dataclass(frozen=True)
 class Residual:
-    """What the scaled columns of a model have beside its modes, as rows of a QR factor.
-
-    Of the model of the first n modes the first n rows are left out.
+    """Scaled columns of some modes and all correction modes, behind them, as rows of a QR factor.
 
     Attributes
     ----------
-    pull : array, shape (terms, rows, k)
+    modes : array, shape (k + m or fewer, k + m)
+        Of the modes themselves, as far down as they are not zero.
+    pull : array, shape (terms, rows, k + m)
         Of the displacement, by terms of the modulus.
-    damping : array, shape (terms, rows, k)
+    damping : array, shape (terms, rows, k + m)
         Of the velocity; of no terms where damping is the same everywhere.
     load, start : arrays, shape (rows, terms)
+    stiffness : array, shape (terms, m, m)
+        K of the correction modes.
     """
 
+    modes: np.ndarray
     pull: np.ndarray
     damping: np.ndarray
     load: np.ndarray
     start: np.ndarray
+    stiffness: np.ndarray
 
 
 class Operators:
@@ -86,7 +91,8 @@ class Operators:
     settings : dict
         Resolved settings of the scene.
     shared : dict
-        As from `training.train`: velocity_modes (modes, N), and translation.
+        As from `training.train`: velocity_modes (modes, N), translation, and correction_modes
+        (m, N), without which bounds are of corrections at the particles.
     """
 
     def __init__(self, name: str, settings: Mapping[str, Any], shared: Mapping[str, Any]) -> None:
@@ -96,9 +102,11 @@ class Operators:
         self.rigid = int(shared["translation"])
         self.velocity_modes = np.asarray(shared["velocity_modes"])
         self.volumes = self.nominal.volumes
+        self.correction_modes = shared.get("correction_modes")
         self.strain_modes = self.nominal.derivative(self.velocity_modes)
         # The derivative of the constant velocity is rounding.
         self.strain_modes[: self.rigid] = 0
+        self._residuals: dict[int, Residual] = {}
         self.density = self._field("initial_density")
         self.modulus = self._field("youngs_modulus")
         self.start = self._field("initial_velocity")
@@ -182,23 +190,43 @@ class Operators:
             return np.tensordot(self.modulus.factors(values), self.stiffnesses, 1)
         return modes @ self._stiffness_of(self.modulus.at(values)) @ modes.T
 
-    @cached_property
-    def residual(self) -> Residual:
-        """Of ρ0 = h, where all coefficients fall apart, in the coordinates of `inertia`."""
+    def residual(self, count: int) -> Residual:
+        """Of the first modes, where all coefficients fall apart and ρ0 = h.
+
+        Modes are the coordinates of `unit_inertia`.
+        """
+        if count not in self._residuals:
+            self._residuals[count] = self._residual(count)
+        return self._residuals[count]
+
+    def _residual(self, count):
         modulus, (damping, load, start) = self.modulus.profiles, self._profiles
         assert modulus is not None
-        density = self._shape
-        modes, strains = self.shapes
-        pulls = [self.nominal.derivative(c * strains) / density for c in modulus]
+        density, (velocities, strains) = self._shape, self.corrections
+        modes, strained = (
+            np.concatenate([each[:count], more])
+            for each, more in zip(self.shapes, (velocities, strains), strict=True)
+        )
+        pulls = [self.nominal.derivative(c * strained) / density for c in modulus]
         # Even damping of the modes leaves nothing beside them.
         damping = damping[:0] if self.damping_is_even else damping
         parts = [modes, *pulls, *(d * modes for d in damping), load, start]
         columns = np.sqrt(self.volumes * density) * np.concatenate(parts)
         factor = np.linalg.qr(columns.T, mode="r")
         ends = np.cumsum([len(part) for part in parts])[:-1]
-        _, *each, loads, starts = np.split(factor, ends, axis=1)
+        first, *each, loads, starts = np.split(factor, ends, axis=1)
         by_term = np.reshape(each, (len(each), len(factor), len(modes)))
-        return Residual(by_term[: len(pulls)], by_term[len(pulls) :], loads, starts)
+        pull, damped = by_term[: len(pulls)], by_term[len(pulls) :]
+        stiffness = np.array([(strains * (self.volumes * c)) @ strains.T for c in modulus])
+        return Residual(first[: len(modes)], pull, damped, loads, starts, stiffness)
+
+    @cached_property
+    def corrections(self) -> tuple[np.ndarray, np.ndarray]:
+        """Velocities and strains of the correction modes, orthonormal for ρ0 = h, (m, N) each."""
+        root = np.sqrt(self.volumes * self._shape)
+        assert self.correction_modes is not None
+        velocities = np.linalg.qr((self.correction_modes * root).T)[0].T / root
+        return velocities, self.nominal.derivative(velocities)
 
     @cached_property
     def _shape(self):

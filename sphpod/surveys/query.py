@@ -10,9 +10,9 @@ of more, and the difference of the two is that of their coordinates. The bound i
 residual (`sphpod.reduced.error_bound`), of factors as small as the model.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property, partial
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,9 +22,8 @@ from sphpod.numerics.course import Course
 from sphpod.numerics.expressions import Expression
 from sphpod.reduced.lifted_rom import OwnModes, eigenmodes, oscillators
 from sphpod.scene.scene import Scene
-from sphpod.surveys.corrected import SHIFTS, corrected_bound
-from sphpod.surveys.driven import driven_bound
-from sphpod.surveys.oscillating import oscillating_bound
+from sphpod.surveys.corrected import SHIFTS, Line, corrected_bound
+from sphpod.surveys.corrections import Span
 from sphpod.surveys.parts import Operators, Values
 from sphpod.surveys.terms import separate
 
@@ -123,7 +122,8 @@ class Query:
         """The force on the own coordinates, shape (coordinates, forces)."""
         return self.own.from_modes[:, : len(self.force)] @ self.force
 
-    def solve(self) -> np.ndarray:
+    @cached_property
+    def state(self) -> np.ndarray:
         """Own coordinates at the times of the error integral, (coordinates, times)."""
         own, scene = self.own, self.scene
         jumps = propagator.prepare(
@@ -139,10 +139,11 @@ class Query:
         jumps.run(state)
         return state
 
-    def coordinates(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    @property
+    def coordinates(self) -> tuple[np.ndarray, np.ndarray]:
         """Coordinates of energy of velocity and displacement, (times, k) each."""
         velocity, displacement = self.fields
-        return state.T @ velocity.T, state.T @ displacement.T
+        return self.state.T @ velocity.T, self.state.T @ displacement.T
 
     def norms(self, velocity: np.ndarray, displacement: np.ndarray) -> np.ndarray:
         """Energy norms of coordinates (times, k) each, (times,)."""
@@ -239,7 +240,7 @@ class Survey:
         whole, factors = self.model(values)
         query, none = whole.leading(self.count), np.zeros(self._times.size)
         norms = self.operators.norms(values, factors[-1])
-        return Answer(query, query.coordinates(query.solve()), none, none, *norms)
+        return Answer(query, query.coordinates, none, none, *norms)
 
     def answer(self, values: Values) -> "Answer":
         """Solve a query and bound its error, at the times of the outputs.
@@ -251,67 +252,69 @@ class Survey:
         """
         whole, factors = self.model(values)
         query = whole.leading(self.count)
-        coordinates = query.coordinates(query.solve())
+        coordinates = query.coordinates
         # A model that is compared with itself is told nothing of its error.
         difference = np.full(self._times.size, np.nan)
         if len(whole.start) > len(query.start):
-            every, count = whole.coordinates(whole.solve()), len(query.start)
+            every, count = whole.coordinates, len(query.start)
             for some, more in zip(coordinates, every, strict=True):
                 more[:, :count] -= some
             difference = whole.norms(*every)
-        sharper: list[Any] = [partial(self._corrected, shift=shift) for shift in SHIFTS]
-        bounds = [self._bound, *sharper] if self.operators.is_affine else sharper
+        operators, full_of = self.operators, self._line
+        shifts: Sequence[float | None] = SHIFTS
+        if operators.is_affine and operators.correction_modes is not None:
+            full_of = self._span
+            shifts = SHIFTS if len(operators.correction_modes) else (None,)
 
         def least(found, model, known):
-            """The smallest of all bounds, each dearer than the one before, until one suffices."""
-            for bound_of in bounds:
+            """The smallest of the bounds until one suffices."""
+            full, velocity, displacement = full_of(model, factors, values)
+            norms = float(np.linalg.norm(full.start)), float(np.linalg.norm(full.force))
+            for shift in shifts:
                 if found is None or not found.relative_bound <= self.tolerance:
-                    bound, *norms = bound_of(model, factors, values)
-                    now = Answer(query, coordinates, known + bound, difference, *norms)
+                    bound = known + corrected_bound(model, full, velocity, displacement, shift)
+                    now = Answer(query, coordinates, bound, difference, *norms)
                     if found is None or now.relative_bound < found.relative_bound:
                         found = now
             return found
 
         answer = least(None, query, 0.0)
         # The error is at most the difference to the model of all modes, and the error of that.
-        if difference.max() <= self.tolerance * answer.norms.max():
+        sharpened = full_of == self._span and shifts == SHIFTS
+        if not sharpened and difference.max() <= self.tolerance * answer.norms.max():
             answer = least(answer, whole, difference)
         return answer
 
-    def _bound(self, query, factors, values):
-        """Bound of the error at the outputs, of arrays of the size of the model.
-
-        Returns
-        -------
-        bound : array, shape (times,)
-        start_norm, force_norm : floats
-            Energy norms of the initial velocity and of the force's profile.
-        """
+    def _span(self, query, factors, values):
+        """The full model within the shared modes, and the query's modes there."""
         scale, damped, loaded, started, _ = factors
-        residual, kv, root = self.operators.residual, len(query.start), np.sqrt(scale)
-        velocity, displacement = query.fields
-        pull = np.tensordot(self.operators.modulus.factors(values), residual.pull[:, kv:, :kv], 1)
-        columns = pull @ displacement / scale
-        if query.uniform is None:
-            columns -= np.tensordot(damped, residual.damping[:, kv:, :kv], 1) @ velocity
-        begun, push = root * residual.start @ started, root * residual.load @ loaded
-        beside, size, pushed = (float(np.linalg.norm(each)) for each in (begun[kv:], begun, push))
-        if query.uniform is not None and not query.courses:
-            bound = oscillating_bound(query, columns, beside, size)
-        else:
-            left = push[kv:, None][:, : len(query.courses)]
-            rows = np.concatenate([columns, left], axis=1)
-            bound = driven_bound(query, rows, query.uniform or 0.0, beside, (size, pushed))
-        return bound, size, pushed
+        operators, kv, root = self.operators, len(query.start), np.sqrt(factors[0])
+        residual = operators.residual(kv)
+        modulus = operators.modulus.factors(values)
+        span = Span(
+            residual.modes,
+            np.tensordot(modulus, residual.pull, 1) / scale,
+            -np.tensordot(damped, residual.damping, 1) if query.uniform is None else None,
+            np.tensordot(modulus, residual.stiffness, 1) / scale,
+            query.uniform or 0.0,
+            root * residual.start @ started,
+            root * (residual.load @ loaded)[:, None][:, : len(query.courses)],
+        )
+        behind = (0, residual.modes.shape[1] - kv), (0, 0)
+        return span, *(np.pad(each, behind) for each in query.fields)
 
-    def _corrected(self, query, factors, values, shift):
-        """The same of corrected modes, of arrays of the size of the particles."""
+    def _line(self, query, factors, values):
+        """The same of the full model at the particles."""
         operators, kv = self.operators, len(query.start)
         line = operators.line(values, factors[-1])
         modes = line.mass[:, None] * (query.velocity_modes @ operators.velocity_modes[:kv]).T
-        velocity, displacement = (modes @ each for each in query.fields)
-        bound = corrected_bound(query, line, velocity, displacement, shift)
-        return bound, float(np.linalg.norm(line.start)), float(np.linalg.norm(line.force))
+        return line, *(modes @ each for each in query.fields)
+
+    def at_particles(self, values: Values) -> tuple[Query, Line, np.ndarray, np.ndarray]:
+        """A query, its full model, and its modes of velocity and displacement, scaled, (N, c)."""
+        whole, factors = self.model(values)
+        query = whole.leading(self.count)
+        return query, *self._line(query, factors, values)
 
 
 @dataclass(frozen=True)

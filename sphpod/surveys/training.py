@@ -10,6 +10,7 @@ from sphpod.full import lifted
 from sphpod.pipeline.dataset import Variable
 from sphpod.scene.breakdown import Breakdown
 from sphpod.surveys import samples
+from sphpod.surveys.corrections import correction_modes
 from sphpod.surveys.folds import check_folds
 from sphpod.surveys.modes import shared_modes
 from sphpod.surveys.parts import Operators
@@ -34,6 +35,9 @@ RUN_VARIABLES = {
 MODEL_VARIABLES = {
     "velocity_modes": Variable(
         ("velocity_mode", "x"), "1", "modes of velocity and displacement, orthonormal by volume"
+    ),
+    "correction_modes": Variable(
+        ("correction_mode", "x"), "", "modes by which those of the queries are corrected in bounds"
     ),
     "mode_count": Variable((), "1", "velocity modes of the queries", np.int32),
     "training_points": Variable(
@@ -88,12 +92,22 @@ def train(
     Returns
     -------
     dict
-        velocity_modes (modes, N), translation, mode_count, training_points.
+        velocity_modes (modes, N), correction_modes (m, N), translation, mode_count,
+        training_points.
     """
     scenes = [samples.scene_at(name, settings, _values(settings, run["point"])) for run in runs]
     shared = shared_modes(zip(scenes, runs, strict=True))
     most = len(shared["velocity_modes"])
     points = np.array([run["point"] for run in runs])
+    each = [_values(settings, point) for point in points]
+    operators = Operators(name, settings, _first(shared, MOST_MODES))
+
+    def surveyed(count, **corrections):
+        """Queries of the first modes, which are all where these are corrected by shared ones."""
+        kept = count if operators.is_affine else MOST_MODES
+        of_first = Operators(name, settings, _first(shared, kept) | corrections)
+        return Survey(of_first, count, survey["tolerance"])
+
     if "mode_count" in survey:
         count = min(int(survey["mode_count"]), most)
         if count < survey["mode_count"]:
@@ -101,9 +115,17 @@ def train(
                 "%d modes asked for, the training runs hold %d", survey["mode_count"], most
             )
     else:
-        count = _fewest(name, settings, survey["tolerance"], _first(shared, MOST_MODES), points)
+        ends = operators.rigid, len(operators.velocity_modes)
+        count = _fewest(surveyed, *ends, each)
+    corrections = np.zeros((0, operators.volumes.size))
+    if operators.is_affine:
+        corrections = correction_modes(surveyed, count, each)
     kept = min(most, RICHER * count, max(MOST_MODES, count))
-    return _first(shared, kept) | {"mode_count": np.array(count), "training_points": points}
+    return _first(shared, kept) | {
+        "correction_modes": corrections,
+        "mode_count": np.array(count),
+        "training_points": points,
+    }
 
 
 def train_greedily(
@@ -148,20 +170,15 @@ def _first(shared, count):
     return {**shared, "velocity_modes": shared["velocity_modes"][:count]}
 
 
-def _fewest(name, settings, tolerance, shared, points):
-    """Modes from which the bound is within the tolerance at all training runs, by bisection."""
-    operators = Operators(name, settings, shared)
-    low, high = int(shared["translation"]), len(shared["velocity_modes"])
+def _fewest(surveyed, low, high, points):
+    """Modes from which bounds are within the tolerance at all training runs, by bisection."""
 
     def suffices(count):
-        survey = Survey(operators, count, tolerance)
-        answers = (survey.answer(_values(settings, point)) for point in points)
-        return all(answer.relative_bound <= tolerance for answer in answers)
+        survey = surveyed(count)
+        return all(survey.answer(point).relative_bound <= survey.tolerance for point in points)
 
     if not suffices(high):
-        logger.warning(
-            "%d modes do not meet the tolerance %g at the training runs", high, tolerance
-        )
+        logger.warning("%d modes do not meet the tolerance at the training runs", high)
         return high
     while high - low > 1:
         middle = (low + high) // 2

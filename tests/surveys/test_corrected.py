@@ -25,10 +25,12 @@ def test_shifted_systems_are_solved(count, reach) -> None:
 
 @pytest.mark.parametrize("case", ["uniform_damping", "uneven_damping", "forced"])
 @pytest.mark.parametrize("shift", [0.01, *corrected.SHIFTS, 1e3])
-def test_the_bound_holds_whatever_the_shift_is(case, shift, monkeypatch) -> None:
+@pytest.mark.parametrize("shared", [False, True])
+def test_the_bound_holds_whatever_the_shift_is(case, shift, shared, monkeypatch) -> None:
     monkeypatch.setattr("sphpod.surveys.query.SHIFTS", (shift,))
     resolved, survey = made(case)
-    survey.operators.__dict__["is_affine"] = False
+    if not shared:
+        survey.operators.correction_modes = None
     for point in samples.points(resolved["parameters"], {"count": 4, "sampling": "uniform"}):
         values = point_of(resolved, point)
         answer = survey.answer(values)

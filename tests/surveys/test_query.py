@@ -15,6 +15,7 @@ from sphpod.reduced.error_bound import error_bounds
 from sphpod.reduced.lifted_rom import LiftedModel, build, decompose
 from sphpod.scene.scene import parameter_values
 from sphpod.surveys import samples
+from sphpod.surveys.corrections import correction_modes
 from sphpod.surveys.modes import shared_modes
 from sphpod.surveys.parts import Operators
 from sphpod.surveys.query import Survey
@@ -47,7 +48,14 @@ def made(case, count=8, training=4, particles=24):
     points = samples.points(resolved["parameters"], {"count": training})
     cases = [samples.scene_at("bar", resolved, point_of(resolved, one)) for one in points]
     shared = shared_modes((case, lifted.solve(case, "exact")) for case in cases)
-    return resolved, Survey(Operators("bar", resolved, shared), count)
+
+    def surveyed(count, **corrections):
+        return Survey(Operators("bar", resolved, shared | corrections), count)
+
+    if not surveyed(count).operators.is_affine:
+        return resolved, surveyed(count)
+    modes = correction_modes(surveyed, count, [point_of(resolved, one) for one in points])
+    return resolved, surveyed(count, correction_modes=modes)
 
 
 def point_of(resolved, values):
