@@ -159,7 +159,7 @@ def _of_surveys(scene: Scene, plain: Callable[[], object]) -> list[Pair]:
         "error_interval": scene.duration / OUTPUTS,
         "parameters": {"size": {"nominal": 1e-3, "range": [0, 1e-2], "scale": "linear"}},
     }
-    survey = {"training": {"count": 1}, "mode_count": MODES}
+    survey = {"training": {"count": 1}, "mode_count": MODES, "tolerance": 1e-2}
 
     def query(profile):
         force = {"time": "size*cos(4*t)", "profile": profile}

@@ -38,7 +38,7 @@ def test_modes_of_all_particles_correct_as_the_particles_do(case) -> None:
     # Only at the particles is an uneven damping known by row.
     most = 1.2 if case == "uneven_damping" else 1 + 1e-6
     ratios = bounds(whole, points) / bounds(particles, points)
-    assert np.all((1 - 1e-6 <= ratios) & (ratios <= most))
+    assert np.all((ratios >= 1 - 1e-6) & (ratios <= most))
 
 
 @pytest.mark.parametrize("case", AFFINE)
@@ -53,7 +53,7 @@ def test_few_modes_do_at_the_training_runs_and_no_query_asks_for_particles(
     monkeypatch.setattr(Operators, "norms", None)
     assert np.all(bounds(survey, points) <= LOOSER * sharpest)
     plain = surveyed(survey, 8, correction_modes=np.zeros((0, 24)))
-    assert np.all(bounds(survey, points) <= 1.3 * bounds(plain, points))
+    assert np.all(bounds(survey, points) <= 1.5 * bounds(plain, points))
 
 
 def test_there_are_none_where_none_is_needed() -> None:
