@@ -7,7 +7,7 @@ model at the same parameters, exact in time, over the largest energy norm of tha
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import cache, cached_property, partial
 from importlib.metadata import version
 from typing import Any
 
@@ -175,19 +175,19 @@ class Task:
 
 def ours(task: Task, counts: Sequence[int] = MODE_COUNTS) -> Iterator[Method]:
     """Queries of this project, without and with their bounds."""
-    modes: dict[int, Mapping[str, np.ndarray]] = {}
 
-    def trained():
-        # As the survey does, once for all mode counts.
-        keys = {**task.survey, "mode_count": 2 * max(counts)}
-        modes[0] = training.train(NAME, task.settings, keys, task.runs)
-        return modes[0]
+    def trained(count):
+        return training.train(NAME, task.settings, {**task.survey, "mode_count": count}, task.runs)
+
+    # As the survey does, once for all mode counts where nothing is bounded.
+    every = cache(partial(trained, 2 * max(counts)))
 
     def build(bounded, count):
-        shared = modes.get(0) or trained()
-        kept = 2 * count if bounded else count
-        few = {**shared, "velocity_modes": shared["velocity_modes"][:kept]}
-        survey = Survey(Operators(NAME, task.settings, few), count)
+        if bounded:
+            shared = trained(count)
+        else:
+            shared = {**every(), "velocity_modes": every()["velocity_modes"][:count]}
+        survey = Survey(Operators(NAME, task.settings, shared), count)
         asked = questions(survey.operators, task.survey["quantities"])
 
         def plain(values):

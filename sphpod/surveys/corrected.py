@@ -169,14 +169,14 @@ def corrected_bound(
         )
     left_over = full.force - full.rows(velocity @ push)
     rows, damping = np.concatenate([residual, left_over], axis=1), full.damping
-    sizes, both = (size, _norm(full.force)), None
+    sizes, whole = (size, _norm(full.force)), None
     if changed:
-        both = np.concatenate(changed)
+        whole = np.concatenate(changed)
         # The force moves the changed displacement at once, and no velocity does.
         jumps = np.linalg.qr(changed[1] @ push, mode="r")
         rows = np.concatenate([rows, np.pad(jumps, ((0, 0), (z.size, 0)))])
         damping = np.append(np.broadcast_to(damping, len(residual)), np.zeros(len(jumps)))
-    return driven_bound(query, rows, damping, beside, sizes, both)
+    return driven_bound(query, rows, damping, beside, sizes, whole)
 
 
 def _promised(query, residual, *changes):

@@ -248,9 +248,15 @@ class Operators:
     @cached_property
     def start_factor(self) -> np.ndarray:
         """QR factor of √(Vh) v0_j, (rows, terms)."""
+        return self._factor_of(self.start)
+
+    @cached_property
+    def _load_factor(self):
+        return self._factor_of(self.load)
+
+    def _factor_of(self, field):
         root = np.sqrt(self.volumes * self._shape)
-        assert self.start.profiles is not None
-        return np.asarray(np.linalg.qr((root * self.start.profiles).T, mode="r"))
+        return np.asarray(np.linalg.qr((root * field.profiles).T, mode="r"))
 
     @cached_property
     def stiffnesses(self) -> np.ndarray:
@@ -261,11 +267,15 @@ class Operators:
 
     def norms(self, values: Values, strength: float) -> tuple[float, float]:
         """Energy norms of the initial velocity, and of the profile of a force of some strength."""
-        mass = np.sqrt(self.volumes * self.density.at(values))
-        pushed = 0.0 if self.load is None else strength * self.load.at(values)
-        return float(np.linalg.norm(mass * self.start.at(values))), float(
-            np.linalg.norm(mass * pushed)
-        )
+        if self._inertia_is_affine:
+            root = np.sqrt(abs(float(self.density.factors(values)[0])))
+            mass, start = root, self.start_factor @ self.start.factors(values)
+            pushed = 0.0 if self.load is None else self._load_factor @ self.load.factors(values)
+        else:
+            mass = np.sqrt(self.volumes * self.density.at(values))
+            start = self.start.at(values)
+            pushed = 0.0 if self.load is None else self.load.at(values)
+        return float(np.linalg.norm(mass * start)), float(np.linalg.norm(mass * strength * pushed))
 
     @property
     def _profiles(self):
