@@ -41,7 +41,7 @@ class LoadedSurvey:
         return f"<survey of {ranges}; quantities {', '.join(self._asked)}>"
 
     def __call__(
-        self, *, bounds: bool = True, extrapolate: bool = False, **parameters: Any
+        self, /, *, bounds: bool = True, extrapolate: bool = False, **parameters: Any
     ) -> "xarray.Dataset":
         """Quantities with their intervals, bounds and estimates.
 

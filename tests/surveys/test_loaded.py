@@ -97,6 +97,14 @@ def test_numbers_give_a_dataset_without_queries(survey) -> None:
     assert one["energy"].attrs["units"] == "J m-2"
 
 
+def test_a_parameter_may_have_the_name_that_methods_give_their_object() -> None:
+    ranges = SCENE["parameters"] | {"self": {"nominal": 1, "range": [0.5, 2]}}
+    of_scene = {"parameters": ranges, "initial_density": "self"}
+    physics, keys, model = trained(of_scene, training={"count": 2})
+    asked = LoadedSurvey({"scene": "bar", "physics": physics, "survey": keys}, model)
+    assert float(asked(self=1.5)["self"]) == 1.5
+
+
 def test_what_is_outside_is_answered_on_request_alone(survey) -> None:
     with pytest.raises(ValueError, match=r"stiffness = 0.3 is outside its range 0.05 to 0.2"):
         survey(stiffness=0.3)
