@@ -17,8 +17,7 @@ CONFIDENCE = 0.95
 
 _DIMS = ("quantity_index", "parameter_index")
 VARIABLES = {
-    "quantity": Variable(("quantity_index",), "", "quantity whose variance is shared out", str),
-    "parameter": Variable(("parameter_index",), "", "parameter", str),
+    "quantity": Variable(("quantity_index",), "", "quantity of the survey", str),
 } | {
     f"{kind}_index{end}": Variable(_DIMS, "1", f"{words}{kind} Sobol index")
     for kind in ("first", "total")

@@ -27,7 +27,8 @@ CANDIDATES = 64
 """Points of which greedy training takes the next run."""
 
 RUN_VARIABLES = {
-    "point": Variable(("parameter",), "", "values of the parameters, in SI units"),
+    "parameter": Variable(("parameter_index",), "", "parameter", str),
+    "point": Variable(("parameter_index",), "", "values of the parameters, in SI units"),
     "strain": Variable(("t", "x"), "1", "strain of the particles"),
 }
 
@@ -37,7 +38,7 @@ MODEL_VARIABLES = {
     ),
     "mode_count": Variable((), "1", "velocity modes of the queries", np.int32),
     "training_points": Variable(
-        ("run", "parameter"), "", "values of the parameters of the training runs, in SI units"
+        ("run", "parameter_index"), "", "values of the parameters of the training runs, in SI units"
     ),
 }
 
@@ -57,7 +58,7 @@ def run_at(name: str, settings: Mapping[str, Any], point: np.ndarray) -> dict[st
         raise ValueError(
             f"{error}, at {where}; narrow the ranges of the parameters until no training run does"
         ) from None
-    return found | {"point": point}
+    return found | {"point": point} | _named(settings)
 
 
 def run(
@@ -68,9 +69,14 @@ def run(
     Returns
     -------
     dict
-        t, x, velocity and strain (times, N), and point (parameters,).
+        t, x, velocity and strain (times, N), and parameter and point (parameters,).
     """
     return run_at(name, settings, training_points(survey, settings["parameters"])[number])
+
+
+def _named(settings):
+    """Parameters in the order of all arrays that have an axis of them."""
+    return {"parameter": np.array(list(settings["parameters"]), object)}
 
 
 def _values(settings, point):
@@ -88,7 +94,7 @@ def train(
     Returns
     -------
     dict
-        velocity_modes (modes, N), translation, mode_count, training_points.
+        velocity_modes (modes, N), translation, mode_count, parameter, training_points.
     """
     scenes = [samples.scene_at(name, settings, _values(settings, run["point"])) for run in runs]
     shared = shared_modes(zip(scenes, runs, strict=True))
@@ -103,7 +109,8 @@ def train(
     else:
         count = _fewest(name, settings, survey["tolerance"], _first(shared, MOST_MODES), points)
     kept = min(most, RICHER * count, max(MOST_MODES, count))
-    return _first(shared, kept) | {"mode_count": np.array(count), "training_points": points}
+    found = _first(shared, kept) | {"mode_count": np.array(count), "training_points": points}
+    return found | _named(settings)
 
 
 def train_greedily(

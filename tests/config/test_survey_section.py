@@ -186,7 +186,10 @@ def test_a_table_of_ones_own_needs_a_column_for_each_parameter(tmp_path) -> None
     missing = refused(settings(queries={"from": str(tmp_path)}))
     assert "there is no such file" in missing
     assert missing.count(str(tmp_path)) == 1
-    for text in ("decay,stiffness,contrast\n0.5,0.1,0.2\n", "decay, stiffness, contrast\n.5, .1, .2"):
+    for text in (
+        "decay,stiffness,contrast\n0.5,0.1,0.2\n",
+        "decay, stiffness, contrast\n.5, .1, .2",
+    ):
         path.write_text(text)
         load([], settings(queries={"from": str(path)}))
 
