@@ -140,7 +140,15 @@ class Query:
         return state
 
     def coordinates(self, state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates of energy of velocity and displacement, (times, k) each."""
+        """Coordinates of energy of velocity and displacement, (times, k) each.
+
+        Raises
+        ------
+        ValueError
+            A state is not finite, as of a force that has no value at some time.
+        """
+        if not np.isfinite(state).all():
+            raise ValueError("the solution is not finite, as damping, start or force are not")
         velocity, displacement = self.fields
         return state.T @ velocity.T, state.T @ displacement.T
 
@@ -201,8 +209,12 @@ class Survey:
         Raises
         ------
         ValueError
-            Density or modulus is not positive somewhere, or the modes are linearly dependent.
+            A parameter is not finite, density or modulus is not positive somewhere, or the modes
+            are linearly dependent.
         """
+        for name, value in values.items():
+            if not np.isfinite(value):
+                raise ValueError(f"{name} = {value:g} is not finite")
         operators = self.operators
         inertia, scale, (damped, loaded, started) = operators.inertia(values)
         courses, strength = self.courses(values)

@@ -121,6 +121,25 @@ def test_a_query_that_fails_is_a_row_with_its_reason(survey) -> None:
     assert found["certified"].values.tolist() == [1, 0]
 
 
+@pytest.mark.parametrize("bounds", [True, False])
+@pytest.mark.parametrize(
+    ("changed", "value", "told"),
+    [
+        ({"force": "1e-3*cos(4*t + pull)"}, np.nan, "pull = nan is not finite"),
+        ({"initial_velocity": "1e-3*sin(2*pi*x/L)*pull"}, np.inf, "pull = inf is not finite"),
+        ({"initial_velocity": "1e-3*sin(2*pi*x/L)*sqrt(pull)"}, -1.0, "the solution is not finite"),
+        ({"force": "1e-3*sqrt(pull - t)"}, 0.5, "the solution is not finite"),
+    ],
+)
+def test_what_is_not_finite_is_a_reason(changed, value, told, bounds) -> None:
+    ranges = SCENE["parameters"] | {"pull": {"nominal": 1, "range": [1, 2]}}
+    physics, keys, model = trained({"parameters": ranges, **changed}, training={"count": 2})
+    asked = LoadedSurvey({"scene": "bar", "physics": physics, "survey": keys}, model)
+    found = asked(pull=[1.0, value], bounds=bounds, extrapolate=True)
+    assert found["reason"].values[0] == ""
+    assert told in found["reason"].values[1]
+
+
 def test_a_line_that_may_fold_is_a_row_with_its_reason() -> None:
     physics, keys, model = trained()
     physics = {**physics, "initial_velocity": "10*sin(2*pi*x/L)"}

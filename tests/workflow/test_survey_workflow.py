@@ -197,6 +197,9 @@ def test_a_trained_survey_is_loaded_and_asked(surveyed) -> None:
     path.write_bytes((surveyed / FOLDER / "model.nc").read_bytes()[:-40] + b"0" * 40)
     with pytest.raises(ValueError, match="is not what its rule wrote"):
         sphpod.load_survey(path)
+    for other in ("answers.nc", "training/0.nc"):
+        with pytest.raises(ValueError, match="it holds no survey"):
+            sphpod.load_survey(surveyed / FOLDER / other)
 
 
 def test_a_survey_is_asked_as_the_documents_write(surveyed, monkeypatch) -> None:
