@@ -188,6 +188,15 @@ def test_indices_of_a_quantity_that_one_parameter_makes(made) -> None:
     assert all(np.array_equal(found[name], again[name]) for name in found)
 
 
+def test_rounding_has_no_share_of_the_variance() -> None:
+    ranges = {word: given for word, given in SCENE["parameters"].items() if word != "decay"}
+    physics, keys, model = trained({"parameters": ranges, "damping": 0}, training={"count": 2})
+    found = sensitivity.share_out("bar", physics, keys, model)
+    unknown = dict(zip(found["quantity"], np.isnan(found["total_index"]).all(axis=1), strict=True))
+    assert unknown["energy"]
+    assert not unknown["peak"]
+
+
 def test_quantiles_leave_out_what_has_no_answer() -> None:
     found = {
         "peak": np.array([1.0, 2.0, 3.0, np.nan]),
