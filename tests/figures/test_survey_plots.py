@@ -93,7 +93,11 @@ def test_what_hardly_varies_or_is_not_there_has_its_panel(change) -> None:
 def test_errors() -> None:
     true = np.array([1e-3, 4e-4, 2e-3])
     found = {"true_error": true, "relative_estimate": true, "relative_bound": 12 * true}
-    check_layout(survey_plots.errors(found, 1e-2))
+    for count in (1, 3):
+        figure = survey_plots.errors({name: values[:count] for name, values in found.items()}, 1e-2)
+        check_layout(figure)
+        assert set(figure.axes[0].get_xticks()) >= {1}
+        assert all(tick.is_integer() for tick in figure.axes[0].get_xticks())
 
 
 def test_cost() -> None:
