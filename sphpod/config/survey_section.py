@@ -377,7 +377,8 @@ def _count_queries(key, queries, parameters):
     try:
         return samples.count(parameters, queries)
     except ValueError as error:
-        raise refusal(None, f"{key}.queries.from", queries["from"], str(error)) from None
+        told = str(error).removeprefix(f"{queries['from']}: ")
+        raise refusal(None, f"{key}.queries.from", queries["from"], told) from None
 
 
 def _check_name(key, word, parameters, others):

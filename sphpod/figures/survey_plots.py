@@ -30,6 +30,9 @@ MOST_COLUMNS = 3
 MARGIN = 0.05
 """Part of a range that is shown beyond its ends."""
 
+VARIES = 1e-6
+"""Part of a quantity's size from which on it is not drawn as if it were constant."""
+
 MOST_DOTS = 2000
 """Queries that a panel shows, evenly picked: more would only be a stain."""
 
@@ -61,6 +64,7 @@ def responses(answers: Arrays, parameters: Ranges, quantities: Mapping[str, str]
             axes.plot(
                 x[which], y[which], ".", color=color, markersize=2, rasterized=True, label=label
             )
+        _fit(axes, x, y)
     _explain(figure, panels, markerscale=3)
     return figure
 
@@ -84,10 +88,11 @@ def sections(sections: Arrays, parameters: Ranges, quantities: Mapping[str, str]
         part = _part(sections[name].size, list(parameters).index(parameter), len(parameters))
         x = sections[parameter][part]
         low, value, high = (sections[f"{name}{end}"][part] for end in ("_low", "", "_high"))
-        top = np.nanmax([sections[f"{name}{end}"] for end in ("", "_high")], initial=0)
-        high = np.where(np.isnan(high), top, high)
+        top = np.nanmax(np.append(sections[f"{name}_high"], [*sections[name], 0.0]))
+        high = np.where(np.isnan(high) & ~np.isnan(low), top, high)
         axes.fill_between(x, low, high, color=SKY, alpha=0.5, linewidth=0, label="within the bound")
         axes.plot(x, value, color=BLUE, linewidth=0.8, label="value")
+        _fit(axes, x, low, value, high)
         nominal = parameters[parameter]["nominal"]
         axes.axvline(nominal, color=GREY, linestyle="--", linewidth=0.6, label="nominal")
     _explain(figure, panels)
@@ -114,7 +119,9 @@ def surfaces(surfaces: Arrays, parameters: Ranges, quantities: Mapping[str, str]
         first, second = (word for word in parameters if np.ptp(surfaces[word][part]) > 0)
         x, y = (np.unique(surfaces[word][part]) for word in (first, second))
         values = surfaces[name][part].reshape(x.size, y.size).T
-        drawn = axes.pcolormesh(x, y, values, cmap="viridis", rasterized=True)
+        low, high = _ends(values)
+        drawn = axes.pcolormesh(x, y, values, cmap="viridis", vmin=low, vmax=high, rasterized=True)
+        _say_if_none(axes, values)
         bar = figure.colorbar(drawn, ax=axes, label=label)
         _numbered(bar.ax, "y")
         _scaled(axes, "x", first, parameters[first])
@@ -167,6 +174,28 @@ def _scaled(axes, side, label, given):
     axes.set(**{f"{side}lim": beyond})
 
 
+def _ends(*values):
+    """Least and largest of arrays, far apart where nothing but rounding is between them."""
+    known = np.concatenate([each[np.isfinite(each)] for each in values])
+    low, high = (known.min(), known.max()) if known.size else (0.0, 1.0)
+    size = max(abs(low), abs(high))
+    return (low, high) if high - low > VARIES * size else (low - size / 2, high + size / 2)
+
+
+def _fit(axes, x, *values):
+    """Ends of the axis of a quantity that is drawn over x."""
+    axes.update_datalim([(x[0], end) for end in _ends(*values)])
+    axes.autoscale_view()
+    _say_if_none(axes, *values)
+
+
+def _say_if_none(axes, *values):
+    """Say that a panel has nothing to show, as of a passage that never comes."""
+    if not any(np.isfinite(each).any() for each in values):
+        where = {"transform": axes.transAxes, "ha": "center", "va": "center"}
+        axes.text(0.5, 0.5, "no values", color=GREY, **where)
+
+
 def _numbered(axes, side):
     """Few numbers on the axis of a quantity, and short ones."""
     getattr(axes, f"{side}axis").set_major_locator(MaxNLocator(5))
@@ -185,7 +214,8 @@ def histograms(answers: Arrays, quantities: Mapping[str, str]) -> Figure:
     panels = np.atleast_1d(figure.subplots(len(quantities), 1))
     for axes, (name, label) in zip(panels, quantities.items(), strict=True):
         known = answers[name][np.isfinite(answers[name])]
-        axes.hist(known, bins=min(50, max(5, known.size // 10)), color=SKY)
+        axes.hist(known, bins=min(50, max(5, known.size // 10)), range=_ends(known), color=SKY)
+        _say_if_none(axes, known)
         for share in (0.05, 0.5, 0.95) if known.size else ():
             axes.axvline(np.quantile(known, share), color=BLACK, linestyle="--", linewidth=0.6)
         axes.set_xlabel(label)
@@ -208,6 +238,8 @@ def indices(indices: Arrays) -> Figure:
             off = np.clip([middle - ends[0], ends[1] - middle], 0, None)
             axes.bar(places + shift, middle, 0.4, color=color, label=kind)
             axes.errorbar(places + shift, middle, off, fmt="none", ecolor=BLACK, linewidth=0.6)
+        _say_if_none(axes, indices["total_index"][n])
+        axes.set_xlim(-0.6, len(parameters) - 0.4)
         axes.set_xticks(places, list(parameters), rotation=30, ha="right")
         axes.set_title(str(name))
     panels[0].set_ylabel("Sobol index")
@@ -245,6 +277,7 @@ def design(design: Arrays, keys: Mapping[str, Any], labels: Mapping[str, str]) -
         for level in levels.get(name, {}).values():
             axes.axhline(level, color=VERMILLION, linestyle="--", linewidth=0.8, label="level")
         axes.set_ylabel(labels.get(name, name))
+        _numbered(axes, "y")
     panels[-1].set_xlabel("query of the search")
     shown = {label: handle for axes in panels for handle, label in
              zip(*axes.get_legend_handles_labels(), strict=True)}  # fmt: skip
@@ -269,7 +302,8 @@ def errors(validation: Arrays, tolerance: float) -> Figure:
         axes.plot(number, values, marker, color=color, label=label, markersize=4)
     axes.axhline(tolerance, color=GREY, linestyle="--", linewidth=0.8, label="tolerance")
     axes.set_yscale("log")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
+    axes.set_xlim(0.5, order.size + 0.5)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True, min_n_ticks=1))
     axes.set_xlabel("random query, by rising true error")
     axes.set_ylabel("energy norm of the error")
     figure.legend(loc="outside upper center", ncols=2)

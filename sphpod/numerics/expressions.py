@@ -319,7 +319,7 @@ class Expression:
     def __reduce__(self) -> tuple:
         return Expression, (self.text, self.variables, self.constants)
 
-    def __call__(self, **arrays: np.ndarray) -> np.ndarray:
+    def __call__(self, /, **arrays: np.ndarray) -> np.ndarray:
         """Evaluate elementwise.
 
         Parameters

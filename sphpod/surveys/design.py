@@ -53,7 +53,7 @@ VARIABLES = {
     ),
     "evaluation_round": Variable(_OF_EVALUATION, "1", "round of a query of the search", np.int32),
     "evaluation_point": Variable(
-        ("evaluation", "parameter"), "", "values of its parameters, in SI units"
+        ("evaluation", "parameter_index"), "", "values of its parameters, in SI units"
     ),
     "evaluation_value": Variable(
         ("evaluation", "designed_index"), "", "values of what is designed, in SI units"
@@ -315,6 +315,7 @@ def _arrays(checks, search):
     return found | {
         "designed": np.array(goal.names, object),
         "evaluation_round": np.repeat(numbers, sizes),
+        "parameter": np.array(names, object),
         "evaluation_point": np.stack([tried[word] for word in names], axis=1),
         "evaluation_value": np.stack([goal.values(tried, word) for word in goal.names], axis=1),
         "evaluation_excess": goal.excess(tried).max(axis=1, initial=0.0),

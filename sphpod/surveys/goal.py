@@ -11,15 +11,13 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.surveys.questions import VARIES
 from sphpod.surveys.samples import Ranges
 
 Arrays = Mapping[str, np.ndarray]
 
 SLACK = 1e-6
 """Part of a spread by which a level may be passed: no search ends upon it exactly."""
-
-VARIES = 1e-6
-"""Part of a quantity's size from which on a spread is not taken for rounding."""
 
 REFUSED = 10 / VARIES
 """What a query without an answer counts as, in spreads: more than any that has one."""

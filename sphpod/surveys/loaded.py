@@ -41,7 +41,7 @@ class LoadedSurvey:
         return f"<survey of {ranges}; quantities {', '.join(self._asked)}>"
 
     def __call__(
-        self, *, bounds: bool = True, extrapolate: bool = False, **parameters: Any
+        self, /, *, bounds: bool = True, extrapolate: bool = False, **parameters: Any
     ) -> "xarray.Dataset":
         """Quantities with their intervals, bounds and estimates.
 
@@ -118,7 +118,7 @@ def load_survey(path: str | os.PathLike[str]) -> LoadedSurvey:
     ValueError
         The file is not, byte by byte, what the workflow wrote, or holds no survey.
     """
-    settings = dataset.settings(path)
-    if "survey" not in settings:
+    settings, model = dataset.settings(path), dataset.read(path)
+    if "survey" not in settings or "mode_count" not in model:
         raise ValueError(f"{path}: it holds no survey; one is in results/surveys/{{name}}/model.nc")
-    return LoadedSurvey(settings, dataset.read(path), str(path))
+    return LoadedSurvey(settings, model, str(path))

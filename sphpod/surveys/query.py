@@ -141,7 +141,15 @@ class Query:
 
     @property
     def coordinates(self) -> tuple[np.ndarray, np.ndarray]:
-        """Coordinates of energy of velocity and displacement, (times, k) each."""
+        """Coordinates of energy of velocity and displacement, (times, k) each.
+
+        Raises
+        ------
+        ValueError
+            The solution is not finite, as of a force that has no value at some time.
+        """
+        if not np.isfinite(self.state).all():
+            raise ValueError("the solution is not finite, as damping, start or force are not")
         velocity, displacement = self.fields
         return self.state.T @ velocity.T, self.state.T @ displacement.T
 
@@ -202,8 +210,12 @@ class Survey:
         Raises
         ------
         ValueError
-            Density or modulus is not positive somewhere, or the modes are linearly dependent.
+            A parameter is not finite, density or modulus is not positive somewhere, or the modes
+            are linearly dependent.
         """
+        for name, value in values.items():
+            if not np.isfinite(value):
+                raise ValueError(f"{name} = {value:g} is not finite")
         operators = self.operators
         inertia, scale, (damped, loaded, started) = operators.inertia(values)
         courses, strength = self.courses(values)

@@ -26,6 +26,9 @@ from sphpod.surveys.query import Answer
 UNITS = {"velocity": "m s-1", "strain": "1", "stress": "Pa"}
 OF_ENERGY = "J m-2"
 
+VARIES = 1e-6
+"""Part of a quantity's size from which on a spread is not taken for rounding."""
+
 Interval = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Value, and the least and the largest that the bound allows: of all outputs, or of one."""
 

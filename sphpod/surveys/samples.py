@@ -130,7 +130,7 @@ def _table(ranges, path):
             raise ValueError("there is no such file")
         if (size := Path(path).stat().st_size) > LARGEST_TABLE:
             raise ValueError(f"it holds {size} bytes, more than {LARGEST_TABLE}")
-        table = pd.read_csv(path)
+        table = pd.read_csv(path, skipinitialspace=True)
     except (OSError, ValueError) as error:
         reason = " ".join(str(error).split())
         raise ValueError(f"{path}: it cannot be read as a table ({reason})") from None
@@ -144,7 +144,7 @@ def _table(ranges, path):
         raise ValueError(f"{path}: it has no column {missing[0]}; its columns are {held}")
     try:
         found = table[list(ranges)].to_numpy(float)
-    except ValueError:
+    except (ValueError, OverflowError):
         raise ValueError(f"{path}: its columns must hold numbers only") from None
     if not len(found):
         raise ValueError(f"{path}: it has no rows, each of which is a query")

@@ -9,6 +9,7 @@ import numpy as np
 from sphpod.pipeline.dataset import Variable
 from sphpod.surveys import samples, unbounded
 from sphpod.surveys.answers import of_settings
+from sphpod.surveys.questions import VARIES
 
 SEED = 7
 """Of the draw of samples and of the bootstrap."""
@@ -17,8 +18,7 @@ CONFIDENCE = 0.95
 
 _DIMS = ("quantity_index", "parameter_index")
 VARIABLES = {
-    "quantity": Variable(("quantity_index",), "", "quantity whose variance is shared out", str),
-    "parameter": Variable(("parameter_index",), "", "parameter", str),
+    "quantity": Variable(("quantity_index",), "", "quantity of the survey", str),
 } | {
     f"{kind}_index{end}": Variable(_DIMS, "1", f"{words}{kind} Sobol index")
     for kind in ("first", "total")
@@ -45,7 +45,7 @@ def share_out(
     -------
     dict
         quantity, parameter, and first_index, total_index with _low and _high, (quantities,
-        parameters); NaN where a query has no value of a quantity or that does not vary.
+        parameters); NaN where a query has no value of a quantity or that varies by rounding alone.
     """
     from scipy.stats import sobol_indices, uniform
 
@@ -59,7 +59,7 @@ def share_out(
         points = samples.spread(ranges, unit.reshape(len(ranges), -1).T)
         found = unbounded.answer_all(reduced, kept, points)
         responses.append(np.array([found[word] for word in scalars]))
-        return responses[-1]
+        return responses[-1].copy()  # SciPy takes the mean from it, in place
 
     found = sobol_indices(
         func=respond, n=survey["sobol_samples"], dists=[uniform()] * len(ranges), rng=SEED
@@ -68,9 +68,9 @@ def share_out(
     with _seeded(SEED):
         spread = found.bootstrap(confidence_level=CONFIDENCE)
     shape = len(scalars), len(ranges)
-    # SciPy gives zeros of what has no variance, as if no parameter mattered.
+    # SciPy gives zeros of what does not vary, as if no parameter mattered, and shares out rounding.
     every = np.concatenate(responses, axis=1)
-    unknown = ~(np.ptp(every, axis=1) > 0)
+    unknown = ~(np.ptp(every, axis=1) > VARIES * np.abs(every).max(axis=1))
     arrays: dict[str, np.ndarray] = {
         "quantity": np.array(scalars, object),
         "parameter": np.array(list(ranges), object),

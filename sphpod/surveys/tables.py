@@ -50,10 +50,11 @@ def indices(found: Arrays) -> Rows:
 def design(found: Arrays) -> Rows:
     """One row a round, of all that are numbers."""
     rounds = found["round"].size
+    others = "t", "parameter", "designed"  # of which there may be as many
     return {
         name: values
         for name, values in found.items()
-        if values.shape == (rounds,) and not name.startswith(("designed", "evaluation"))
+        if values.shape == (rounds,) and name not in others and not name.startswith("evaluation_")
     }
 
 

@@ -28,7 +28,8 @@ CANDIDATES = 64
 """Points of which greedy training takes the next run."""
 
 RUN_VARIABLES = {
-    "point": Variable(("parameter",), "", "values of the parameters, in SI units"),
+    "parameter": Variable(("parameter_index",), "", "parameter", str),
+    "point": Variable(("parameter_index",), "", "values of the parameters, in SI units"),
     "strain": Variable(("t", "x"), "1", "strain of the particles"),
 }
 
@@ -41,7 +42,7 @@ MODEL_VARIABLES = {
     ),
     "mode_count": Variable((), "1", "velocity modes of the queries", np.int32),
     "training_points": Variable(
-        ("run", "parameter"), "", "values of the parameters of the training runs, in SI units"
+        ("run", "parameter_index"), "", "values of the parameters of the training runs, in SI units"
     ),
 }
 
@@ -61,7 +62,7 @@ def run_at(name: str, settings: Mapping[str, Any], point: np.ndarray) -> dict[st
         raise ValueError(
             f"{error}, at {where}; narrow the ranges of the parameters until no training run does"
         ) from None
-    return found | {"point": point}
+    return found | {"point": point} | _named(settings)
 
 
 def run(
@@ -72,9 +73,14 @@ def run(
     Returns
     -------
     dict
-        t, x, velocity and strain (times, N), and point (parameters,).
+        t, x, velocity and strain (times, N), and parameter and point (parameters,).
     """
     return run_at(name, settings, training_points(survey, settings["parameters"])[number])
+
+
+def _named(settings):
+    """Parameters in the order of all arrays that have an axis of them."""
+    return {"parameter": np.array(list(settings["parameters"]), object)}
 
 
 def _values(settings, point):
@@ -92,7 +98,7 @@ def train(
     Returns
     -------
     dict
-        velocity_modes (modes, N), correction_modes (m, N), translation, mode_count,
+        velocity_modes (modes, N), correction_modes (m, N), translation, mode_count, parameter,
         training_points.
     """
     scenes = [samples.scene_at(name, settings, _values(settings, run["point"])) for run in runs]
@@ -121,7 +127,9 @@ def train(
     if operators.is_affine:
         corrections = correction_modes(surveyed, count, each)
     kept = min(most, RICHER * count, max(MOST_MODES, count))
-    return _first(shared, kept) | {
+    return {
+        **_first(shared, kept),
+        **_named(settings),
         "correction_modes": corrections,
         "mode_count": np.array(count),
         "training_points": points,

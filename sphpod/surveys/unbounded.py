@@ -88,6 +88,7 @@ def _fill(survey, asked, points, found):
     begun = scale / 2 * (combined(started, operators.start_factor.T) ** 2).sum(axis=1)
     folds_not = 2 * begun < FAR**2 * operators.volumes.min() * least
     is_answered = (operators.density.floor(values) > 0) & (decay >= 0) & folds_not
+    is_answered &= np.isfinite(points).all(axis=1)
     rows = np.flatnonzero(is_answered)
     starts = combined(started, operators.unit_inertia.start[:, :count])
     vectors, is_velocity = _vectors(asked, values, starts)

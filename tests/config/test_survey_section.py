@@ -183,9 +183,15 @@ def test_a_table_of_ones_own_needs_a_column_for_each_parameter(tmp_path) -> None
     assert "it has no column decay" in refused(settings(queries={"from": str(path)}))
     path.write_text("decay,stiffness,decay,contrast\n0.5,0.1,0.6,0.2\n")
     assert "two of its columns are named decay" in refused(settings(queries={"from": str(path)}))
-    assert "there is no such file" in refused(settings(queries={"from": str(tmp_path)}))
-    path.write_text("decay,stiffness,contrast\n0.5,0.1,0.2\n")
-    load([], settings(queries={"from": str(path)}))
+    missing = refused(settings(queries={"from": str(tmp_path)}))
+    assert "there is no such file" in missing
+    assert missing.count(str(tmp_path)) == 1
+    for text in (
+        "decay,stiffness,contrast\n0.5,0.1,0.2\n",
+        "decay, stiffness, contrast\n.5, .1, .2",
+    ):
+        path.write_text(text)
+        load([], settings(queries={"from": str(path)}))
 
 
 @pytest.mark.parametrize(
@@ -195,6 +201,7 @@ def test_a_table_of_ones_own_needs_a_column_for_each_parameter(tmp_path) -> None
         ("0.5,0.1,0.2,7\n", "its rows have more entries than there are names of columns"),
         ("0.5,0.1,0.2\n0.5,0.1,\n", "row 2: contrast = nan is outside its range 0 to 0.6"),
         ("0.5,inf,0.2\n", "row 1: stiffness = inf is outside its range"),
+        (f"{'9' * 400},0.1,0.2\n", "its columns must hold numbers only"),
         ("0.5,0.1,0.2\n0.5,9,0.2\n", "row 2: stiffness = 9 is outside its range 0.05 to 0.2"),
     ],
 )

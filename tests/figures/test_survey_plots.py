@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from figure_checks import check_layout, x_of
+from figure_checks import check_layout, visible_texts, x_of
 
 from sphpod.figures import survey_plots
 from sphpod.surveys import samples
@@ -67,10 +67,37 @@ def test_indices() -> None:
     check_layout(survey_plots.indices(values | names))
 
 
+@pytest.mark.parametrize("change", [1e-9, 3e-6, 1e-4, 0, np.nan])
+def test_what_hardly_varies_or_is_not_there_has_its_panel(change) -> None:
+    hardly = 3.3221314e-13 * (1 + change * np.linspace(0, 1, 50))
+    grid = samples.points(PARAMETERS, {"grid": {"stiffness": 5, "decay": 10}})
+    found = answers() | {word: grid[:, n] for n, word in enumerate(PARAMETERS)}
+    found |= {f"peak{end}": hardly for end in ("", "_low", "_high")}
+    found |= {f"energy{end}": found["energy"] for end in ("_low", "_high")}
+    found["surface"] = np.zeros(2, np.int32)
+    indices = {f"{kind}_index{end}": np.array([[change, change], [0.4, 0.5]]) - change
+               for kind in ("first", "total") for end in ("", "_low", "_high")}  # fmt: skip
+    names = {"quantity": np.array(["peak", "energy"]), "parameter": np.array(list(PARAMETERS))}
+    for figure in (
+        survey_plots.responses(found, PARAMETERS, LABELS),
+        survey_plots.sections(found, PARAMETERS, LABELS),
+        survey_plots.surfaces(found, PARAMETERS, LABELS),
+        survey_plots.histograms(found, LABELS),
+        survey_plots.indices(indices | names),
+    ):
+        check_layout(figure)
+        said = [text for text in visible_texts(figure) if text.get_text() == "no values"]
+        assert bool(said) == bool(np.isnan(change))
+
+
 def test_errors() -> None:
     true = np.array([1e-3, 4e-4, 2e-3])
     found = {"true_error": true, "relative_estimate": true, "relative_bound": 12 * true}
-    check_layout(survey_plots.errors(found, 1e-2))
+    for count in (1, 3):
+        figure = survey_plots.errors({name: values[:count] for name, values in found.items()}, 1e-2)
+        check_layout(figure)
+        assert set(figure.axes[0].get_xticks()) >= {1}
+        assert all(tick.is_integer() for tick in figure.axes[0].get_xticks())
 
 
 def test_cost() -> None:

@@ -198,7 +198,9 @@ def test_all_queries_of_the_search_lie_within_the_ranges() -> None:
     assert (low <= found["evaluation_point"]).all()
     assert (found["evaluation_point"] <= high).all()
     assert found["designed"].tolist() == ["peak", "last"]
-    rows = tables.design(found)
+    assert found["parameter"].tolist() == list(physics["parameters"])
+    rows = tables.design(found | {"parameter": np.full(found["round"].size, "as many", object)})
+    assert "parameter" not in rows
     assert {"round", "decay", "peak_full", "holds", "verdict"} <= {*rows}
     assert SCENE["parameters"].keys() <= rows.keys()
 

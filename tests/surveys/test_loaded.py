@@ -97,6 +97,14 @@ def test_numbers_give_a_dataset_without_queries(survey) -> None:
     assert one["energy"].attrs["units"] == "J m-2"
 
 
+def test_a_parameter_may_have_the_name_that_methods_give_their_object() -> None:
+    ranges = SCENE["parameters"] | {"self": {"nominal": 1, "range": [0.5, 2]}}
+    of_scene = {"parameters": ranges, "initial_density": "self"}
+    physics, keys, model = trained(of_scene, training={"count": 2})
+    asked = LoadedSurvey({"scene": "bar", "physics": physics, "survey": keys}, model)
+    assert float(asked(self=1.5)["self"]) == 1.5
+
+
 def test_what_is_outside_is_answered_on_request_alone(survey) -> None:
     with pytest.raises(ValueError, match=r"stiffness = 0.3 is outside its range 0.05 to 0.2"):
         survey(stiffness=0.3)
@@ -111,6 +119,25 @@ def test_a_query_that_fails_is_a_row_with_its_reason(survey) -> None:
     assert "must be positive everywhere" in found["reason"].values[1]
     assert np.isnan(found["peak"].values[1])
     assert found["certified"].values.tolist() == [1, 0]
+
+
+@pytest.mark.parametrize("bounds", [True, False])
+@pytest.mark.parametrize(
+    ("changed", "value", "told"),
+    [
+        ({"force": "1e-3*cos(4*t + pull)"}, np.nan, "pull = nan is not finite"),
+        ({"initial_velocity": "1e-3*sin(2*pi*x/L)*pull"}, np.inf, "pull = inf is not finite"),
+        ({"initial_velocity": "1e-3*sin(2*pi*x/L)*sqrt(pull)"}, -1.0, "the solution is not finite"),
+        ({"force": "1e-3*sqrt(pull - t)"}, 0.5, "the solution is not finite"),
+    ],
+)
+def test_what_is_not_finite_is_a_reason(changed, value, told, bounds) -> None:
+    ranges = SCENE["parameters"] | {"pull": {"nominal": 1, "range": [1, 2]}}
+    physics, keys, model = trained({"parameters": ranges, **changed}, training={"count": 2})
+    asked = LoadedSurvey({"scene": "bar", "physics": physics, "survey": keys}, model)
+    found = asked(pull=[1.0, value], bounds=bounds, extrapolate=True)
+    assert found["reason"].values[0] == ""
+    assert told in found["reason"].values[1]
 
 
 def test_a_line_that_may_fold_is_a_row_with_its_reason() -> None:
@@ -159,6 +186,15 @@ def test_indices_of_a_quantity_that_one_parameter_makes(made) -> None:
     assert len(rows["parameter"]) == 3
     again = sensitivity.share_out("bar", physics, kept, model)
     assert all(np.array_equal(found[name], again[name]) for name in found)
+
+
+def test_rounding_has_no_share_of_the_variance() -> None:
+    ranges = {word: given for word, given in SCENE["parameters"].items() if word != "decay"}
+    physics, keys, model = trained({"parameters": ranges, "damping": 0}, training={"count": 2})
+    found = sensitivity.share_out("bar", physics, keys, model)
+    unknown = dict(zip(found["quantity"], np.isnan(found["total_index"]).all(axis=1), strict=True))
+    assert unknown["energy"]
+    assert not unknown["peak"]
 
 
 def test_quantiles_leave_out_what_has_no_answer() -> None:

@@ -16,8 +16,26 @@ def trained(**changes):
     return solved, shared_modes(solved)
 
 
+SCATTERED = {"positions": {"jitter": 0.2, "seed": 3}}
+JUMP = {"initial_density": "where(x < L/2, 1, 2)"}
+RESTING = {
+    "initial_density": "1 + 0.5*sin(2*pi*x/L)",
+    "initial_velocity": "1e-3*sin(2*pi*x/L) - 2.5e-4",
+}
+
+
 @pytest.mark.parametrize(
-    "changes", [VARIED, {"positions": {"jitter": 0.2, "seed": 3}}], ids=["varied", "scattered"]
+    "changes",
+    [
+        VARIED,
+        SCATTERED,
+        JUMP | {"particle_count": 20},
+        JUMP | {"particle_count": 21},
+        RESTING | {"particle_count": 20},
+        RESTING | {"particle_count": 21},
+        SCATTERED | JUMP | {"particle_count": 20},
+        SCATTERED | JUMP | {"particle_count": 21},
+    ],
 )
 def test_all_modes_hold_all_strains_and_what_moves_with_them(changes) -> None:
     changes = {key: value for key, value in changes.items() if key != "youngs_modulus"}

@@ -12,6 +12,7 @@ from pathlib import Path
 import cf
 import numpy as np
 import pytest
+import xarray
 
 import sphpod
 from sphpod.pipeline import dataset
@@ -188,10 +189,17 @@ def test_a_trained_survey_is_loaded_and_asked(surveyed) -> None:
     assert one["sensor"].dims == ("t",)
     many = survey(stiffness=np.array([0.08, 0.12]), decay=0.3)
     assert many["peak"].values[1] == one["peak"].values
+    with xarray.open_dataset(surveyed / FOLDER / "model.nc") as model:
+        decays = model["training_points"][:, model["parameter"].values.tolist().index("decay")]
+        assert model["parameter"].values.tolist() == ["stiffness", "decay"]
+    assert decays.max() > 0.2  # the largest stiffness
     path = surveyed / "changed.nc"
     path.write_bytes((surveyed / FOLDER / "model.nc").read_bytes()[:-40] + b"0" * 40)
     with pytest.raises(ValueError, match="is not what its rule wrote"):
         sphpod.load_survey(path)
+    for other in ("answers.nc", "training/0.nc"):
+        with pytest.raises(ValueError, match="it holds no survey"):
+            sphpod.load_survey(surveyed / FOLDER / other)
 
 
 def test_a_survey_is_asked_as_the_documents_write(surveyed, monkeypatch) -> None:
