@@ -281,8 +281,10 @@ def _force_functions(scene):
             yield key, term
             continue
         for factor, shape in zip(term.factors, term.shapes, strict=True):
-            yield key, factor
-            if shape is not None:
+            # What is alike all over has no profile of its own.
+            alike = shape is None or shape.text == "1"
+            yield (key if alike else f"{key}.time"), factor
+            if not alike:
                 yield f"{key}.profile", shape
 
 
