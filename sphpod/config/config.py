@@ -311,7 +311,8 @@ def _resolved_sampling(
                 name,
                 f"{key}.count",
                 settings["count"],
-                f"the range holds {counted(available, 'time step')} of {step:g}, each for one snapshot",
+                f"the range holds {counted(available, 'time step')} of {step:g}, each for one "
+                "snapshot",
             )
     else:
         for which in ("velocity_times", "density_times"):

@@ -67,7 +67,11 @@ def test_a_size_that_is_none_is_that_of_the_parameter(changes, told) -> None:
     ("key", "value", "told"),
     [
         ("damping", "sum(l for l in range(1, decay))", "damping = sum(l for l in range(1, decay)"),
-        ("force", ["t", {"time": "sum(t*l for l in range(decay))", "profile": "x"}], "force.1.time"),
+        (
+            "force",
+            ["t", {"time": "sum(t*l for l in range(decay))", "profile": "x"}],
+            "force.1.time",
+        ),
     ],
 )
 def test_a_sum_does_not_run_up_to_a_parameter(key, value, told) -> None:
