@@ -12,7 +12,7 @@ from typing import Any
 
 from sphpod.config import config, sizes
 from sphpod.config.configuration import schema
-from sphpod.config.reading import ConfigError
+from sphpod.config.reading import ConfigError, counted
 from sphpod.paper import claims
 from sphpod.scene.scene import Scene
 from sphpod.surveys import samples
@@ -82,14 +82,14 @@ def report(settings: dict[str, Any]) -> list[str]:
         outputs = round(keys["duration"] / survey["output_interval"]) + 1
         total += sizes.answers(survey, len(keys["parameters"]), queries, outputs)
     counts = (
-        (len(scenes), "scenes"),
-        (sum(len(scene["samplings"]) for scene in scenes), "samplings"),
-        (sum(len(scene["acceleration"]) for scene in scenes), "comparisons of CPU time"),
-        (sum(len(s["figures"]) for s in scenes) + len(settings["illustrations"]), "figures"),
-        (len(settings["claims"]), "claims"),
-        (len(settings["surveys"]), "surveys"),
+        (len(scenes), "scene"),
+        (sum(len(scene["samplings"]) for scene in scenes), "sampling"),
+        (sum(len(scene["acceleration"]) for scene in scenes), "comparison", " of CPU time"),
+        (sum(len(s["figures"]) for s in scenes) + len(settings["illustrations"]), "figure"),
+        (len(settings["claims"]), "claim"),
+        (len(settings["surveys"]), "survey"),
     )
-    asked = ", ".join(f"{count} {what}" for count, what in counts if count)
+    asked = ", ".join(counted(count, *what) for count, *what in counts if count)
     where = settings["output"] or "this folder"
     return [
         *(line.rstrip() for line in table),

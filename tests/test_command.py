@@ -20,7 +20,7 @@ def test_what_is_not_wrong_is_summed_up(capsys):
     assert {line.split()[0] for line in lines[1:-1]} == {
         "waves", "damped_forced", "two_moduli", "graded",
     }  # fmt: skip
-    assert lines[-1].startswith("4 scenes, 3 samplings, 1 comparisons of CPU time, 10 figures")
+    assert lines[-1].startswith("4 scenes, 3 samplings, 1 comparison of CPU time, 10 figures")
     assert lines[-1].endswith("in small; nothing is wrong.")
 
 

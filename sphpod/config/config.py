@@ -28,7 +28,8 @@ from sphpod.config.configuration import (
 )
 from sphpod.config.fields import SETTINGS, Name
 from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usual_sweep
-from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
+from sphpod.config.parameters import resolved_parameters
+from sphpod.config.reading import ConfigError, counted, merged, plain, read_yaml, refusal
 from sphpod.config.scene_section import (
     FIGURES,
     AnySampling,
@@ -216,6 +217,8 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
         del scene["boundary"]
     check_start(name, scene)
     check_counts(name, scene)
+    if "parameters" in scene:
+        scene["parameters"] = resolved_parameters(name, scene)
     try:
         physics = scenes.Scene.from_settings(name, scene)
         check_sizes(name, sizes(physics, scene), memory)
@@ -308,7 +311,8 @@ def _resolved_sampling(
                 name,
                 f"{key}.count",
                 settings["count"],
-                f"the range holds {available} time steps of {step:g}, each for one snapshot",
+                f"the range holds {counted(available, 'time step')} of {step:g}, each for one "
+                "snapshot",
             )
     else:
         for which in ("velocity_times", "density_times"):

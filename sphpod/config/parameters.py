@@ -1,6 +1,7 @@
 """Parameters of a scene: their ranges and distributions, checked before any job."""
 
 import ast
+import contextlib
 import difflib
 import time
 import warnings
@@ -35,26 +36,32 @@ def resolved_parameters(name: str, settings: Mapping[str, Any]) -> dict[str, dic
     Raises
     ------
     ConfigError
-        A range or a distribution is none, the scene is none somewhere in the ranges, or nothing
-        holds a parameter.
+        A value, a range or a distribution is none, or the range of a sum holds a parameter.
     """
     parameters = {
         word: Parameter.default_keys() | _ranged(name, f"parameters.{word}", given)
         for word, given in settings["parameters"].items()
     }
-    used = {word for text in _expressions(settings) for word in _names(text)}
     for word, given in parameters.items():
         key, (low, high) = f"parameters.{word}", given["range"]
         if given["scale"] == "logarithmic" and low <= 0:
             allowed = "it must be positive where the scale is logarithmic"
             raise refusal(name, f"{key}.range", given["range"], allowed)
+        for place, value in (("nominal", given["nominal"]), ("range", low), ("range", high)):
+            least, most = checks.MOVING
+            if value and not least <= abs(value) <= most:
+                allowed = f"a size must be 0, or from {least:g} to {most:g}"
+                raise refusal(name, f"{key}.{place}", given[place], allowed)
         if not low <= given["nominal"] <= high:
             allowed = f"it must lie in the range {checks.number(low)} to {checks.number(high)}"
             raise refusal(name, f"{key}.nominal", given["nominal"], allowed)
-        if word not in used:
-            allowed = f"no expression of the scene holds it; it may stand in {', '.join(PROFILES)}"
-            raise refusal(name, key, given, allowed)
-    _check_within(name, settings, parameters)
+        for of, text, formula in _formulas(settings):
+            if any(word in reads(bounds) for bounds in _bounds_of_sums(formula)):
+                allowed = (
+                    f"the range of a sum holds the parameter {word}, which is any number from "
+                    f"{checks.number(low)} to {checks.number(high)}; it must be of whole numbers"
+                )
+                raise refusal(name, of, text, allowed)
     return parameters
 
 
@@ -128,8 +135,19 @@ def _distributed(scene, key, given):
     return given
 
 
-def _check_within(name: str, settings: Mapping[str, Any], parameters: samples.Ranges) -> None:
-    """Refuse ranges in which the scene is none."""
+def check_within(name: str, settings: Mapping[str, Any]) -> None:
+    """Refuse a parameter that nothing holds, and ranges in which the scene is none.
+
+    Raises
+    ------
+    ConfigError
+    """
+    parameters: samples.Ranges = settings["parameters"]
+    used = {word for *_, formula in _formulas(settings) for word in reads(formula)}
+    for word, given in parameters.items():
+        if word not in used:
+            allowed = f"no expression of the scene holds it; it may stand in {', '.join(PROFILES)}"
+            raise refusal(name, f"parameters.{word}", given, allowed)
     inner = samples.points(parameters, {"count": CHECKED, "sampling": "halton"})
     every = np.concatenate([samples.corners(parameters), inner])
     points = min(checks.POINTS[1], VALUES // len(every))
@@ -144,12 +162,22 @@ def _check_within(name: str, settings: Mapping[str, Any], parameters: samples.Ra
             raise refusal(name, "parameters", ranges, f"at {where}, {told}") from None
 
 
-def _expressions(settings: Mapping[str, Any]) -> Iterator[str]:
-    for key in PROFILES:
-        given = settings.get(key, ())
-        for term in given if isinstance(given, list) else [given]:
-            yield from map(str, term.values() if isinstance(term, Mapping) else [term])
+def _formulas(settings: Mapping[str, Any]) -> Iterator[tuple[str, str, ast.AST]]:
+    """Key, text and tree of each expression of a scene; one that has no tree is refused later."""
+    for key in filter(settings.__contains__, PROFILES):
+        given = settings[key]
+        terms = dict(enumerate(given)) if isinstance(given, list) else {"": given}
+        for number, term in terms.items():
+            of = f"{key}.{number}".rstrip(".")
+            parts = term if isinstance(term, Mapping) else {"": term}
+            for part, text in parts.items():
+                with contextlib.suppress(SyntaxError, ValueError, MemoryError, RecursionError):
+                    tree = ast.parse(str(text).strip(), mode="eval").body
+                    yield f"{of}.{part}".rstrip("."), str(text), tree
 
 
-def _names(text):
-    return reads(ast.parse(text.strip()))
+def _bounds_of_sums(formula: ast.AST) -> Iterator[ast.AST]:
+    """Ranges of the sums in a formula."""
+    for node in ast.walk(formula):
+        if isinstance(node, ast.comprehension) and isinstance(node.iter, ast.Call):
+            yield node.iter

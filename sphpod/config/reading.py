@@ -45,7 +45,7 @@ def shown(value: Any) -> str:
     if value is None:
         return "(empty)"
     if isinstance(value, str):
-        text = " ".join(value.split())
+        text = " ".join(value.split()) or repr(value)
     else:
         try:
             text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, sort_keys=False)
@@ -53,6 +53,11 @@ def shown(value: Any) -> str:
             text = repr(value)
         text = text.removesuffix("\n").removesuffix("\n...").strip()
     return text if len(text) <= 100 else text[:97] + "..."
+
+
+def counted(count: int, noun: str, rest: str = "") -> str:
+    """So many of something, in words."""
+    return f"{count} {noun}{'s' * (count != 1)}{rest}"
 
 
 def scene_and_key(path: Sequence[str]) -> tuple[str | None, str]:

@@ -141,7 +141,8 @@ def _limit(kind, node, value):
     if kind in ("too_short", "too_long"):
         bound, words = ("min", "at least") if kind == "too_short" else ("max", "at most")
         of = "Properties" if isinstance(value, dict) else "Items"
-        return f"have {words} {limits[bound + of]} entries"
+        many = limits[bound + of]
+        return f"have {words} {many} {'entry' if many == 1 else 'entries'}"
     return f"be {' or '.join(KINDS[one] for one in _kinds(node))}"
 
 

@@ -172,9 +172,9 @@ AnySampling = Annotated[
     | Annotated[BorrowedModes, Tag("<modes>")],
     Discriminator(_way_to_sample),
     Field(
-        description="given by range and count (evenly spaced, the right end excluded; with a seed, "
-        "distinct steps drawn at random), by velocity_times and density_times, by from (a file) "
-        "or by modes (of other samplings)"
+        description="given by range and count, by velocity_times and density_times, by from (a "
+        "file) or by modes (of other samplings); times of a range are evenly spaced, its end "
+        "excluded, or with a seed distinct steps drawn at random"
     ),
 ]
 

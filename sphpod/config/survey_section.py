@@ -17,7 +17,7 @@ from sphpod.config.fields import (
     Unique,
     left_out,
 )
-from sphpod.config.parameters import resolved_parameters
+from sphpod.config.parameters import check_within
 from sphpod.config.reading import refusal
 from sphpod.config.scene_section import Time
 from sphpod.config.sizes import check_sizes, survey_sizes
@@ -258,7 +258,7 @@ class Survey(Section):
 def resolved_surveys(
     surveys: Mapping[str, Any], scenes: Mapping[str, Any], memory: float
 ) -> dict[str, dict[str, Any]]:
-    """Check surveys and the parameters of all scenes, and fill in the defaults of both.
+    """Check surveys and the ranges of parameters of all scenes, and fill in defaults of surveys.
 
     Parameters
     ----------
@@ -272,7 +272,7 @@ def resolved_surveys(
     """
     for name, scene in scenes.items():
         if "parameters" in scene:
-            scene["parameters"] = resolved_parameters(name, scene)
+            check_within(name, scene)
     return {name: _resolved(name, survey, scenes, memory) for name, survey in surveys.items()}
 
 

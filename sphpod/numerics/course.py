@@ -264,7 +264,7 @@ def spans(courses: tuple[Course, ...], duration: float) -> list[Span]:
 @lru_cache(maxsize=64)
 def _course(text, variables, constants, duration):
     expression = Expression(text, variables, dict(constants))
-    low, high, decided, radius, sums = _pieces(expression, duration)
+    _, low, high, decided, radius, sums = _pieces(expression, duration)
     ends = low
     if decided.all():
         low, high, radius = _merged(expression, low, high, radius, sums)
@@ -321,49 +321,61 @@ def _points(low, high, places):
     return low[:, None] + (high - low)[:, None] * ((1 + places) / 2)
 
 
-def _values(expression, times):
+def _values(expression, times, places=None):
+    if places is not None:
+        return expression(x=places, t=times)
     (name,) = expression.variables
     return expression(**{name: times})
 
 
-def pieces_seen(expression: Expression, duration: float, limit: int) -> np.ndarray:
+def pieces_seen(
+    expression: Expression, duration: float, limit: int, places: np.ndarray | None = None
+) -> list[np.ndarray]:
     """Ends of pieces of [0, duration], as a `Course` has them, made of about ``limit`` at most.
 
     Where that is too few for the function they are short somewhere, and no piece is more than a
-    sixteenth long.
+    sixteenth long. Of an expression in x and t, at each of some places.
     """
-    return np.append(_pieces(expression, duration, limit)[0], duration)
+    at, low, *_ = _pieces(expression, duration, limit, places)
+    return [np.append(one, duration) for one in np.split(low, np.flatnonzero(np.diff(at)) + 1)]
 
 
-def _pieces(expression, duration, limit=LIMIT):
-    """Ends of pieces, whether each is decided, the radius of its disc, and ∫|f| over it."""
-    low = np.linspace(0, duration, 17)
-    low, high = low[:-1], low[1:]
+def _pieces(expression, duration, limit=LIMIT, places=None):
+    """Place, ends of pieces, whether each is decided, the radius of its disc, and ∫|f| over it."""
+    many = 1 if places is None else places.size
+    edges = np.linspace(0, duration, 17)
+    low, high = np.tile(edges[:-1], many), np.tile(edges[1:], many)
+    at = np.repeat(np.arange(many), 16)
     done = []
-    known, count = 0.0, 0
+    known, count = np.zeros(many), np.zeros(many)
     while low.size:
         width, middle = high - low, (low + high) / 2
-        bounds = enclose(expression, low, high)
+        x = None if places is None else places[at]
+        bounds = enclose(expression, low, high, x)
         error, sizes = MISSED * bounds.radius, np.zeros(low.size)
         analytic = np.isfinite(error)
         with np.errstate(invalid="ignore", over="ignore"):
             times = (low[:, None] + width[:, None] * _SEEN)[analytic]
-            sizes[analytic] = np.abs(_values(expression, times)).mean(axis=1)
+            there = None if x is None else x[analytic, None]
+            sizes[analytic] = np.abs(_values(expression, times, there)).mean(axis=1)
             smooth = error <= TOLERANCE * sizes
-            known += float(np.sum((width * sizes)[smooth & np.isfinite(sizes)]))
-            smooth |= error <= TOLERANCE * known / duration
+            sound = smooth & np.isfinite(sizes)
+            known += np.bincount(at[sound], (width * sizes)[sound], many)
+            smooth |= error <= TOLERANCE * known[at] / duration
             # What is left undecided matters too little, or lies between two neighbouring numbers.
-            ended = (bounds.high - bounds.low) * width <= BREAKS * known / low.size
+            undecided = np.bincount(at, minlength=many)
+            ended = (bounds.high - bounds.low) * width <= BREAKS * known[at] / undecided[at]
         decided = smooth | ended | (middle <= low) | (middle >= high)
-        count += low.size
-        over = count > limit or np.count_nonzero(~decided) > OPEN_LIMIT
-        taken = decided | over
-        parts = low, high, decided, bounds.radius, sizes * width
+        count += undecided
+        over = (count > limit) | (np.bincount(at[~decided], minlength=many) > OPEN_LIMIT)
+        taken = decided | over[at]
+        parts = at, low, high, decided, bounds.radius, sizes * width
         done.append([part[taken] for part in parts])
-        low, middle, high = (ends[~taken] for ends in (low, middle, high))
+        at, low, middle, high = (part[~taken] for part in (at, low, middle, high))
         low, high = np.concatenate([low, middle]), np.concatenate([middle, high])
+        at = np.concatenate([at, at])
     pieces = [np.concatenate(part) for part in zip(*done, strict=True)]
-    order = np.argsort(pieces[0], kind="stable")
+    order = np.lexsort((pieces[1], pieces[0]))
     return [part[order] for part in pieces]
 
 

@@ -75,23 +75,34 @@ def remainder(degree: int) -> float:
     return float(2 * rho**-degree / (rho - 1))
 
 
-def enclose(expression: Expression, low: np.ndarray, high: np.ndarray) -> Enclosure:
-    """Bounds of an expression of one variable over intervals.
+def enclose(
+    expression: Expression, low: np.ndarray, high: np.ndarray, places: np.ndarray | None = None
+) -> Enclosure:
+    """Bounds of an expression of one variable, or of t at places, over intervals.
 
     Parameters
     ----------
     expression : Expression
+        In one variable, or in x and t.
     low, high : arrays, shape (intervals,)
         Ends of the intervals; equal for the value at a point, rounding included.
+    places : array, shape (intervals,), optional
+        x of each.
     """
     if low.size > AT_ONCE:
         rows = [slice(first, first + AT_ONCE) for first in range(0, low.size, AT_ONCE)]
-        some = [enclose(expression, low[part], high[part]) for part in rows]
+        some = [
+            enclose(expression, low[part], high[part], None if places is None else places[part])
+            for part in rows
+        ]
         names = "low", "high", "centre", "radius"
         low, high, centre, radius = (
             np.concatenate([getattr(part, name) for part in some]) for name in names
         )
         return Enclosure(low, high, centre, radius)
+    if places is not None:
+        variables = {"x": _interval(places, places), "t": _interval(low, high, variable=True)}
+        return _enclosed(expression, variables, low.shape)
     (name,) = expression.variables
     return _enclosed(expression, {name: _interval(low, high, variable=True)}, low.shape)
 

@@ -38,6 +38,9 @@ TURN = 8.0
 VALUES = 2**22
 """Increments made at once, where the force is rough."""
 
+BESIDE = 1e-9
+"""Part of the largest force by which one is another at the start of an interval."""
+
 BLOCK = 512
 """Outputs of a pair that are carried together; few enough for the processor's nearest cache."""
 
@@ -144,6 +147,8 @@ def prepare(
         moved = felt[:, 0]
         blocks, force, felt = blocks[moved], force[:, moved], felt[moved]
         panel, starts, rough = _panels(courses, interval, outputs - 1)
+        if euler_steps:
+            rough = np.union1d(rough, _breaking(courses, interval * np.arange(outputs - 1)))
         if rough.size < outputs - 1:
             nodes = starts[:, None] + panel * interval * ((POINTS + 1) / 2)
             responses = _responses(blocks, force, felt, interval, panel, euler_steps)
@@ -223,6 +228,15 @@ def _panels(courses, interval, intervals):
         if np.count_nonzero(~smooth) <= ROUGH * smooth.size:
             break
     return panel, edges[:-1], np.flatnonzero(np.repeat(~smooth, panel))
+
+
+def _breaking(courses, starts):
+    """Intervals at whose very start the force is not what it is within, as a step there sees it."""
+    unlike = np.zeros(starts.size, bool)
+    for course in courses:
+        values = course.expression(t=starts)
+        unlike |= np.abs(course(starts) - values) > BESIDE * np.abs(values).max()
+    return np.flatnonzero(unlike)
 
 
 def _interpolation(nodes, times):

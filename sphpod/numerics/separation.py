@@ -354,24 +354,23 @@ def changes(
     places: np.ndarray,
     most: int = INSTANTS,
     parts: int = 1,
+    witnesses: int = WITNESSES,
 ) -> np.ndarray:
     """Times at which a function of time, or of x and t, is looked at before it is followed [s].
 
-    As `instants`, of its factors or, where it is no sum of products, of it at a few places; at a
-    cost that neither places nor breaks raise, divided by ``parts``.
+    As `instants`, of its factors or, where it is no sum of products, of it at about so many
+    ``witnesses``; at a cost that neither places nor breaks raise, divided by ``parts``.
     """
-    followed = _in_time(expression, duration, places)
+    found = None
+    if "x" in expression.variables:
+        found = _products(expression, duration, places)
+        if found is None:
+            some = places[:: max(1, places.size // witnesses)]
+            limit = max(64, SEEN // (some.size * expression.terms * parts))
+            return _dense(pieces_seen(expression, duration, limit, some), most)
+    followed = [expression] if found is None else found.factors
     limit = max(64, SEEN // (len(followed) * expression.terms * parts))
-    return _dense([pieces_seen(one, duration, limit) for one in followed], most)
-
-
-def _in_time(expression, duration, places):
-    if "x" not in expression.variables:
-        return [expression]
-    found = _products(expression, duration, places)
-    if found is not None:
-        return found.factors
-    return [expression.at("x", float(x)) for x in places[:: max(1, places.size // WITNESSES)]]
+    return _dense([one for f in followed for one in pieces_seen(f, duration, limit)], most)
 
 
 def _dense(found_edges, most):
@@ -393,7 +392,12 @@ def _dense(found_edges, most):
 def _interpolated(expression, duration, places):
     witnesses = places[:: max(1, places.size // WITNESSES)]
     courses = [Course.of(expression.at("x", float(place)), duration) for place in witnesses]
-    times = instants(courses, min(INSTANTS, max(64, VALUES // places.size)))
+    most = min(INSTANTS, max(64, VALUES // places.size))
+    times = instants(courses, most)
+    if places.size <= MOST_PLACES:
+        # What happens at a single place is seen at no other.
+        everywhere = changes(expression, duration, places, most, witnesses=places.size)
+        times = np.union1d(times, everywhere)
     # Those that judge are in no step with those that are looked at.
     judged_at = duration * (np.arange(1.0, times.size) * (np.sqrt(5) - 1) / 2 % 1)
     for looked_at in (times, np.union1d(times, (times[1:] + times[:-1]) / 2)):

@@ -16,7 +16,7 @@ from sphpod.full.sph import UNCHANGING, change
 from sphpod.numerics.compiled import compiled
 from sphpod.numerics.course import WEIGHTS
 from sphpod.scene.breakdown import Breakdown
-from sphpod.scene.scene import ABSENT, NO_FORCE, Scene, at_start
+from sphpod.scene.scene import ABSENT, NO_FORCE, Scene
 
 
 def solve(scene: Scene) -> dict[str, np.ndarray]:
@@ -43,21 +43,22 @@ def solve(scene: Scene) -> dict[str, np.ndarray]:
         raise ValueError(f"scene {scene.name}: a chain has evenly spaced masses only")
     x, spacing, dt = scene.positions, scene.spacing, scene.time_step
     density0, steps = scene.density0(), scene.error_steps
-    springs = at_start(scene.youngs_modulus, x + spacing / 2) / spacing
+    springs = scene.values_at("youngs_modulus", x + spacing / 2) / spacing
     masses = density0 * spacing
     damping = scene.damping_values()
     decay = np.exp(-damping * dt / 2) if damping.size else ABSENT
     impulses, profiles = _impulses(scene, int(steps[-1]))
     times = scene.times(np.arange(steps[-1] + 1))
     stiffening, slowing = UNCHANGING, UNCHANGING
-    if scene.changing("youngs_modulus") is not None:
+    if (one := scene.changing("youngs_modulus")) is not None:
+        one.factors_at(times)  # refused where it is none
         parts = scene.separated(scene.youngs_modulus, spacing / 2)
         factors = np.stack([g(t=times) for g in parts.factors], axis=1)
         stiffening = factors, parts.profiles(x + spacing / 2) / spacing
     if (one := scene.changing("damping")) is not None:
         slowing = np.ascontiguousarray(one.factors_at(times).T), one.profiles * dt / 2
     kept = np.empty((2, steps.size, x.size))
-    state = np.stack([scene.initial_velocity(x=x), np.zeros(x.size)])
+    state = np.stack([scene.velocity0(), np.zeros(x.size)])
     chain = springs / masses, np.roll(springs, 1) / masses, decay, impulses, profiles
     changes = stiffening, slowing, masses
     failed = march(state, chain, changes, (dt, spacing, steps), kept)

@@ -64,6 +64,10 @@ FOLD_POINTS = 2048
 """Points of the line, and times of its motion, at which folding is looked for without a proof."""
 
 
+FEW = 64
+"""Places that show of most materials that they are neither uniform nor two layers."""
+
+
 def kind(scene: Scene) -> str | None:
     """Which exact solution a scene has.
 
@@ -79,6 +83,9 @@ def kind(scene: Scene) -> str | None:
     if not scene.is_steady or scene.start:
         return None
     x = _fine_grid(scene)
+    few = x[:: x.size // FEW]
+    if any(_several(one(x=few)) for one in (scene.initial_density, scene.youngs_modulus)):
+        return None
     density, modulus = scene.initial_density(x=x), scene.youngs_modulus(x=x)
     damping = scene.damping_values(x)
     simple = not damping.size and _evenly_forced(scene)
@@ -224,6 +231,12 @@ def _bulk(scene, profile):
 
 def _uniform(values):
     return bool(np.ptp(values) <= 1e-12 * np.max(np.abs(values)))
+
+
+def _several(values):
+    """Whether there are more than two values: neither uniform material nor two layers."""
+    steps = np.diff(np.sort(values))
+    return np.count_nonzero(steps > 1e-12 * np.max(np.abs(values))) > 1
 
 
 def _force_profiles(scene, x):

@@ -203,13 +203,16 @@ def _solve(scene, refinement, shift):
     if scene.forces or not scene.is_steady:
         samples = scene.times(np.arange(2 * steps[-1] + 1), 2 * refinement)
         amplitudes, profiles = scene.force_values(samples[:-1], nodes)
-    density0 = scene.initial_density(x=between)
+        for key in ("youngs_modulus", "damping"):
+            if (changing := scene.changing(key)) is not None:
+                changing.factors_at(samples)  # refused where they are none
+    density0 = scene.values_at("initial_density", between)
     if shift:
         _weigh_breaks(scene, refinement, amplitudes)
         inertia, compliances, dampings, profiles, readers = _cell_means(scene, nodes.size)
         softness = _terms(_compliance(scene), lambda p: _at_particles(scene, p))
     else:
-        inertia = scene.initial_density(x=nodes)
+        inertia = scene.values_at("initial_density", nodes)
         compliances = _terms(_compliance(scene), lambda p: p(between))
         dampings = _terms(_damping(scene), lambda p: p(nodes))
         softness = NO_FORCE
@@ -218,7 +221,7 @@ def _solve(scene, refinement, shift):
     compliance, softening = _of_time(_compliance(scene), compliances, samples)
     # As it stands, where nothing is made of it: a quotient of a quotient may differ by rounding.
     as_it_stands = not shift and scene.changing("youngs_modulus") is None
-    modulus = scene.youngs_modulus(x=between) if as_it_stands else 1 / compliance
+    modulus = scene.values_at("youngs_modulus", between) if as_it_stands else 1 / compliance
     damping, slowing = _of_time(_damping(scene), dampings, samples)
     compliance, reading = _of_time(_compliance(scene), softness, samples)
     velocity = np.empty((steps.size, scene.particle_count))
@@ -226,7 +229,7 @@ def _solve(scene, refinement, shift):
     material = modulus, density0, 1 / (density0 * spacing), 1 / (inertia * spacing)
     forces = damping, amplitudes, profiles
     state = np.zeros((7, nodes.size + 1))
-    state[0, 1:] = scene.initial_velocity(x=nodes)
+    state[0, 1:] = scene.values_at("initial_velocity", nodes)
     state[0, 0] = state[0, -1]
     strain = scene.start.strain(x=between) if scene.start else 0.0
     state[1, :-1] = density0 / (1 + strain)
@@ -253,15 +256,15 @@ Coefficient = Callable[[np.ndarray], np.ndarray] | Separated | None
 
 def _damping(scene) -> Coefficient:
     if scene.damping is None or scene.changing("damping") is None:
-        return scene.damping and (lambda x: scene.damping(x=x))
+        return scene.damping and (lambda x: scene.values_at("damping", x))
     return scene.separated(scene.damping)
 
 
 def _compliance(scene) -> Coefficient:
     """1/c [1/Pa]."""
-    modulus = scene.youngs_modulus
     if scene.changing("youngs_modulus") is None:
-        return lambda x: 1 / modulus(x=x)
+        return lambda x: 1 / scene.values_at("youngs_modulus", x)
+    modulus = scene.youngs_modulus
     return scene.separated(modulus.rewritten(f"1/({modulus.text})"))
 
 
@@ -339,12 +342,12 @@ def _cell_means(scene, count):
         return np.roll(values, CELL_PARTS // 2).reshape(count, CELL_PARTS).mean(axis=1)
 
     def per_mass(values, places):
-        return scene.initial_density(x=places) * values
+        return scene.values_at("initial_density", places) * values
 
     def weighed(function, means=parts):
         return about_nodes(means(lambda at: per_mass(function(at), at))) / inertia
 
-    masses = parts(lambda places: scene.initial_density(x=places))
+    masses = parts(lambda places: scene.values_at("initial_density", places))
     inertia = about_nodes(masses)
     steady = scene.changing("youngs_modulus") is None
     softness = _terms(_compliance(scene), parts if steady else parts_of_terms)

@@ -156,7 +156,8 @@ class Mirrored(Expression):
     def __call__(self, **arrays: np.ndarray) -> np.ndarray:
         """As that of the bar at the places that these are images of, times their signs."""
         places, signs = self.fold(np.asarray(arrays["x"], np.float64))
-        return super().__call__(**{**arrays, "x": places}) * signs
+        with np.errstate(invalid="ignore"):  # what is not finite stays so
+            return super().__call__(**{**arrays, "x": places}) * signs
 
     def of_line(self, parts: Products | Interpolated | Everywhere) -> Products | Folded:
         """On all of the line, a sum of products that this expression in x and t is in the bar."""

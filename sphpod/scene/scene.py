@@ -15,10 +15,19 @@ import numpy as np
 from sphpod.numerics.course import Course
 from sphpod.numerics.error import blocks
 from sphpod.numerics.expressions import Expression
-from sphpod.numerics.separation import INSTANTS, Products, Separated, changes, separate
+from sphpod.numerics.separation import (
+    INSTANTS,
+    MOST_PLACES,
+    WITNESSES,
+    Products,
+    Separated,
+    changes,
+    separate,
+)
 from sphpod.scene.ends import MATERIAL, VELOCITY, Ends, Mirrored
 from sphpod.scene.kernel import derivative, neighbour_lists, stencil_weights
 from sphpod.scene.start import Start
+from sphpod.scene.values import check_products, check_values
 
 logger = logging.getLogger(__name__)
 
@@ -79,22 +88,30 @@ class Changing:
 
     Attributes
     ----------
+    of : (str, str, str)
+        Names of scene and key, and the formula.
     factors : tuple of Expressions in t
         g_r, in the coefficient's unit.
     profiles : array, shape (r, N)
         p_r at the particles.
+    positions : array, shape (N,)
+        Of the particles [m].
     duration : float
         T [s].
     """
 
+    of: tuple[str, str, str]
     factors: tuple[Expression, ...]
     profiles: np.ndarray
+    positions: np.ndarray
     duration: float
 
     def factors_at(self, times: np.ndarray) -> np.ndarray:
-        """g_r at times [s], shape (r, times)."""
+        """g_r at times [s], shape (r, times); a coefficient that is none there is refused."""
         times = np.asarray(times, np.float64)
-        return np.array([factor(t=times) for factor in self.factors])
+        factors = np.array([factor(t=times) for factor in self.factors])
+        check_products(*self.of, factors, self.profiles, (self.positions, times))
+        return factors
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """The coefficient at times [s], shape (times, N)."""
@@ -355,11 +372,18 @@ class Scene:
 
     def velocity0(self) -> np.ndarray:
         """Initial velocity of the particles [m/s], shape (N,)."""
-        return self.initial_velocity(x=self.positions)
+        return _at_rest(self, "initial_velocity").copy()
+
+    def values_at(self, key: str, x: np.ndarray) -> np.ndarray:
+        """A profile at places [m], of one that changes with time at t = 0; refused if none."""
+        expression = getattr(self, key)
+        values = at_start(expression, x)
+        check_values(self.name, key, expression.text, values, {"x": x})
+        return values
 
     def density0(self) -> np.ndarray:
         """Density ρ0 of the particles unstrained [kg/m³], shape (N,)."""
-        return self.initial_density(x=self.positions)
+        return _at_rest(self, "initial_density").copy()
 
     def starting_density(self) -> np.ndarray:
         """Density of the particles at t = 0 [kg/m³], shape (N,): ρ0, but of a kept state."""
@@ -385,12 +409,15 @@ class Scene:
         """``youngs_modulus`` or ``damping`` at the particles where it changes with time."""
         if not self.varies(key):
             return None
+        _extremes(self, key)
         parts = self.separated(getattr(self, key))
         if key == "damping" or self.interface is None:
             profiles = parts.profiles(self.positions)
         else:
             profiles = np.mean([parts.profiles(x) for x in self._half_cells()], axis=0)
-        return Changing(parts.factors, np.ascontiguousarray(profiles), self.duration)
+        of = self.name, key, getattr(self, key).text
+        profiles = np.ascontiguousarray(profiles)
+        return Changing(of, parts.factors, profiles, self.positions, self.duration)
 
     def separated(self, expression: Expression, beside: float = 0.0) -> Separated:
         """A function of x and t as a sum of products, at the particles or ``beside`` them [m]."""
@@ -410,10 +437,7 @@ class Scene:
 
         The scaled strain √(V c) e of a modulus that changes has this one in it, too.
         """
-        if self.interface is None:
-            return at_start(self.youngs_modulus, self.positions)
-        left, right = (at_start(self.youngs_modulus, x) for x in self._half_cells())
-        return (left + right) / 2
+        return _at_rest(self, "youngs_modulus").copy()
 
     def _half_cells(self):
         """Middles of the half cells to the left and to the right of particles [m]."""
@@ -426,7 +450,10 @@ class Scene:
         """
         if self.damping is None:
             return ABSENT
-        values = at_start(self.damping, self.positions if positions is None else positions)
+        if positions is None:
+            values = _at_rest(self, "damping").copy()
+        else:
+            values = self.values_at("damping", positions)
         return values if np.any(values) or self.damping.variables == IN_X_AND_T else ABSENT
 
     def largest_modulus(self) -> np.ndarray:
@@ -445,9 +472,7 @@ class Scene:
     @property
     def force_terms(self) -> list[Separated]:
         """The force as sums of products of a function of t and one of x."""
-        return [
-            self.separated(term) if isinstance(term, Expression) else term for term in self.forces
-        ]
+        return _separated_forces(self)
 
     def force_values(self, times: np.ndarray, positions: np.ndarray | None = None):
         """Force per mass as f(x, t) = Σ_r amplitude_r(t) profile_r(x).
@@ -460,9 +485,21 @@ class Scene:
         if not self.forces:
             return NO_FORCE, NO_FORCE
         x, terms = self.positions if positions is None else positions, self.force_terms
-        amplitudes = [factor(t=times) for term in terms for factor in term.factors]
-        profiles = np.ascontiguousarray(np.concatenate([term.profiles(x) for term in terms]))
-        return np.array(amplitudes), profiles
+        amplitudes, profiles = [], []
+        for key, given, term in zip(force_keys(self), self.forces, terms, strict=True):
+            for r, factor in enumerate(term.factors):
+                amplitudes.append(factor(t=times))
+                part, text = f"{key}.time" if profile_of(given) else key, factor.text
+                points = {"t": np.asarray(times)}
+                if isinstance(given, Expression):
+                    # A factor of it may be what it is at a particle.
+                    text, at = given.text, getattr(getattr(term, "parts", term), "places", None)
+                    points |= {} if at is None else {"x": at[r]}
+                check_values(self.name, part, text, amplitudes[-1], points)
+            profiles.append(term.profiles(x))
+            if shape := profile_of(given):
+                check_values(self.name, f"{key}.profile", shape.text, profiles[-1], {"x": x})
+        return np.array(amplitudes), np.ascontiguousarray(np.concatenate(profiles))
 
     def courses(self) -> tuple[Course, ...]:
         """Course of each term of the force over the times of the error integral.
@@ -470,9 +507,13 @@ class Scene:
         The log reports where it could not be proved.
         """
         found = []
-        for term in self.force_terms:
+        for key, given, term in zip(force_keys(self), self.forces, self.force_terms, strict=True):
             for factor in term.factors:
                 found.append(Course.of(factor, self.error_times[-1]))
+                if np.isfinite(at := found[-1].singular):
+                    part = f"{key}.time" if profile_of(given) else key
+                    times = np.array([at])
+                    check_values(self.name, part, factor.text, np.array([np.nan]), {"t": times})
                 if not np.isfinite(found[-1].missed):
                     _warn_of_force(self.name, factor.text)
         return tuple(found)
@@ -535,6 +576,12 @@ def force_keys(scene: Scene) -> list[str]:
     return [f"force.{n}" for n in range(len(scene.forces))]
 
 
+def profile_of(term: Products | Expression) -> Expression | None:
+    """Profile in space of a term of a force that was given with one."""
+    shape = term.shapes[0] if isinstance(term, Products) else None
+    return None if shape is None or shape.text == "1" else shape
+
+
 def at_start(expression: Expression, x: np.ndarray) -> np.ndarray:
     """A coefficient at places [m], of one that changes with time at t = 0."""
     if expression.variables == IN_X_AND_T:
@@ -542,20 +589,57 @@ def at_start(expression: Expression, x: np.ndarray) -> np.ndarray:
     return expression(x=x)
 
 
+@lru_cache(maxsize=16)
+def _at_rest(scene, key):
+    """A profile at the particles (N,), of one that changes with time at t = 0; refused if none."""
+    return np.mean([scene.values_at(key, x) for x in _cells(scene, key)], axis=0)
+
+
+def _cells(scene, key):
+    """Places [m] over which a profile of the particles is the mean."""
+    averaged = key == "youngs_modulus" and scene.interface is not None
+    return scene._half_cells() if averaged else [scene.positions]
+
+
 @lru_cache(maxsize=8)
 def _extremes(scene, key):
     """Smallest and largest value of each particle over the duration where looked at, (N,) each."""
-    expression, count = getattr(scene, key), scene.particle_count
-    averaged = key == "youngs_modulus" and scene.interface is not None
-    cells = scene._half_cells() if averaged else [scene.positions]
-    most = max(FEWEST_TIMES, EVALUATIONS // (count * expression.terms))
-    own, places = scene.in_bar(expression)
-    times = changes(own, scene.duration, places, min(INSTANTS, most))
-    low, high = np.full((2, count), [[np.inf], [-np.inf]])
-    for rows in blocks(times.size, max(1, BLOCK // count)):
-        values = np.mean([expression(x=x[:, None], t=times[rows]) for x in cells], axis=0)
+    low, high = np.full((2, scene.particle_count), [[np.inf], [-np.inf]])
+    for values in _seen(scene, key, getattr(scene, key), _cells(scene, key)):
         low, high = np.minimum(low, values.min(axis=1)), np.maximum(high, values.max(axis=1))
     return low, high
+
+
+def _seen(scene, key, expression, cells):
+    """Means over places of a function of x and t, wherever it changes with time; refused if none.
+
+    Arrays (N, times), of blocks of times.
+    """
+    count = scene.particle_count
+    most = max(FEWEST_TIMES, EVALUATIONS // (count * expression.terms))
+    own, places = scene.in_bar(expression)
+    witnesses = places.size if places.size <= MOST_PLACES else WITNESSES
+    times = changes(own, scene.duration, places, min(INSTANTS, most), witnesses=witnesses)
+    for rows in blocks(times.size, max(1, BLOCK // count)):
+        found = []
+        for x in cells:
+            points = {"x": x[:, None], "t": times[rows]}
+            found.append(expression(**points))
+            check_values(scene.name, key, expression.text, found[-1], points)
+        yield np.mean(found, axis=0)
+
+
+@lru_cache(maxsize=8)
+def _separated_forces(scene):
+    """Terms of the force as sums of products; a term that is not finite somewhere is refused."""
+    found = []
+    for key, term in zip(force_keys(scene), scene.forces, strict=True):
+        if isinstance(term, Expression):
+            for _ in _seen(scene, key, term, [scene.positions]):
+                pass
+            term = scene.separated(term)
+        found.append(term)
+    return found
 
 
 def parameter_values(settings: Mapping[str, Any]) -> dict[str, float]:

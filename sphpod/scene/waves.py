@@ -43,7 +43,12 @@ def fastest_wave(scene):
     float
         Angular frequency [1/s].
     """
-    root_c = np.sqrt(scene.largest_modulus())
+    return _fastest(scene, scene.largest_modulus())
+
+
+def _fastest(scene, modulus):
+    """Bound of `fastest_wave` with a modulus of each particle [Pa]."""
+    root_c = np.sqrt(modulus)
     root_inertia = 1 / np.sqrt(scene.density0())
     if not scene.is_even:
         first, neighbours, gradients = scene.neighbour_lists()
@@ -101,24 +106,41 @@ def growth_factor(scene, time_step=None, limit=GROWTH_LIMIT):
     """
     step = scene.time_step if time_step is None else time_step
     smallest, largest = _damping_range(scene)
-
-    def bound(excess):
-        stiff = max(step * largest - 1, 1)
-        rate = max(np.log1p(step * max(excess, 0)) / 2, np.log(stiff)) / step
-        with np.errstate(over="ignore"):
-            return float(np.exp(rate * scene.duration))
-
     fastest = fastest_wave(scene)
     excess = step * fastest * fastest - smallest
-    growth = bound(excess)
+    growth = _growth_with(scene, step, excess, largest)
     if not scene.is_steady:
         return growth
     if growth > limit and excess < np.inf:
-        growth = bound(_largest_excess(scene, step, excess))
+        growth = _growth_with(scene, step, _largest_excess(scene, step, excess), largest)
     uneven = smallest < largest and scene.particle_count <= MOST_DENSE
     if growth > limit and uneven and scene.duration / step < MOST_STEPS:
         growth = min(growth, max(1.0, _norm_of_powers(scene, step)))
     return growth
+
+
+def loose_growth_factor(scene, largest_modulus, damping):
+    """The bound of `growth_factor` from bounds alone, by which nothing needs to be looked at.
+
+    Parameters
+    ----------
+    scene : Scene
+    largest_modulus : float
+        No particle ever has more [Pa].
+    damping : (float, float)
+        No particle ever has less than the first, nor more than the second [1/s].
+    """
+    fastest = _fastest(scene, np.full(scene.particle_count, largest_modulus))
+    step = scene.time_step
+    return _growth_with(scene, step, step * fastest * fastest - damping[0], damping[1])
+
+
+def _growth_with(scene, step, excess, damping):
+    """Growth over T with the largest Δt κ - δ and the largest damping [1/s], as `growth_factor`."""
+    stiff = max(step * damping - 1, 1)
+    rate = max(np.log1p(step * max(excess, 0)) / 2, np.log(stiff)) / step
+    with np.errstate(over="ignore"):
+        return float(np.exp(rate * scene.duration))
 
 
 def energy_growth(scene):

@@ -133,7 +133,7 @@ def test_what_a_scene_depends_on_holds_no_ranges() -> None:
         (with_quantity(kind="maximum", place=0, places=[0]), "either a place, or places"),
         (with_quantity(kind="maximum", places=[0, 1]), "it must be at least 0 and below L = 1"),
         (with_quantity(kind="maximum", places=[0, 0]), "no entry may stand twice"),
-        (with_quantity(kind="maximum", places=[]), "it must have at least 1 entries"),
+        (with_quantity(kind="maximum", places=[]), "it must have at least 1 entry ("),
         (with_quantity(kind="maximum", places="each"), "it must be"),
         (with_quantity(kind="maximum", places="all", width=0.1), "that of single particles"),
         (with_quantity(kind="history", places=[0.1]), "a quantity of kind history"),

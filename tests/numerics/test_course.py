@@ -318,6 +318,17 @@ def test_terms_add_up(model, one, other, outputs, euler_steps):
     np.testing.assert_allclose(state.T, alone, rtol=0, atol=2e-11 * size)
 
 
+def test_explicit_euler_sees_a_force_that_begins_behind_a_step_at_the_next():
+    blocks, profile = np.diag([-1.0, -2.0])[None], np.array([[1.0, 0.5]])
+    late = "where(0.5 < t < 1, 1, 0)"
+    found = propagator_run(blocks, 0, profile, follow(late), 21, 40)
+    dt, state = DURATION / 800, np.zeros(2)
+    values = expression(late)(t=np.arange(800) * dt)
+    for step in range(800):
+        state = state + dt * (blocks[0] @ state + profile[0] * values[step])
+    np.testing.assert_allclose(found[-1].ravel(), state, rtol=1e-12)
+
+
 @settings(max_examples=12)
 @given(models(), forces(), st.sampled_from([2, 3, 21]), st.sampled_from([40, 300]))
 def test_explicit_euler_takes_the_force_of_its_own_steps(model, force, outputs, euler_steps):

@@ -36,3 +36,19 @@ def test_a_pulse_in_which_a_modulus_is_negative_is_found_wherever_it_travels():
     pulse = "0.1*(1 - 2*where(abs(t - 0.2345678 - 0.1*x) < 1e-9, 1, 0))"
     with pytest.raises(ValueError, match=r"youngs_modulus = .* must be positive everywhere"):
         checks.check_setting(scene(youngs_modulus=pulse, particle_count=400))
+
+
+@pytest.mark.parametrize(
+    ("force", "key"),
+    [
+        ({"time": "1/t", "profile": "x"}, "force.time = 1/t"),
+        (["t", {"time": "1/t", "profile": "x"}], "force.1.time = 1/t"),
+        (["t", {"time": "t", "profile": "1/x"}], "force.1.profile = 1/x"),
+        (["t", "1/t"], "force.1 = 1/t"),
+        ("1/t", "force = 1/t"),
+    ],
+)
+def test_a_fault_of_a_force_is_named_by_its_own_key(force, key):
+    with pytest.raises(ValueError, match=r"it is not finite at") as caught:
+        checks.check_setting(scene(force=force))
+    assert key in str(caught.value)
