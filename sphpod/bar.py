@@ -31,7 +31,6 @@ def of_bar(scene: Scene, arrays: Arrays, variables: Mapping[str, Variable] | Non
 
     Parameters
     ----------
-    scene : Scene
     arrays : dict
         By names of `dataset.VARIABLES`, or of ``variables``.
     variables : dict, optional

@@ -40,7 +40,6 @@ def solve(
 
     Parameters
     ----------
-    scene : Scene
     steps : int array, shape (times,)
         Ascending numbers of time steps after which the state is kept.
     neighbours : {"stencil", "lists"}, optional
@@ -131,13 +130,11 @@ def changing(scene: Scene, key: str, count: int, first: int = 0, parts: int = 1)
 
     Parameters
     ----------
-    scene : Scene
     key : {"youngs_modulus", "damping"}
     count : int
         Number of steps, or of so many parts of one.
     first : int
         Step of which the values are.
-    parts : int
 
     Returns
     -------
@@ -188,12 +185,10 @@ def fastest_change(
 
     Parameters
     ----------
-    scene : Scene
     time_step : float
         Δt [s].
     force : float
         Largest size of the force [m/s²].
-    factor : float
 
     Returns
     -------

@@ -80,7 +80,6 @@ def enclose(expression: Expression, low: np.ndarray, high: np.ndarray) -> Enclos
 
     Parameters
     ----------
-    expression : Expression
     low, high : arrays, shape (intervals,)
         Ends of the intervals; equal for the value at a point, rounding included.
     """
@@ -103,7 +102,6 @@ def bounds_in(
 
     Parameters
     ----------
-    expression : Expression
     ends : pairs of arrays, of shapes that broadcast together
         Low and high ends, one pair for each variable.
 

@@ -100,7 +100,6 @@ def choose(
 
     Parameters
     ----------
-    scene : Scene
     tolerance : float
         Relative.
     modes : dict

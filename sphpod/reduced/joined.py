@@ -46,7 +46,6 @@ def decompose_lifted(
 
     Parameters
     ----------
-    scene : Scene
     snapshots : sequence of dicts
         Of each sampling, as in `lifted_rom.decompose`.
     sources : dicts

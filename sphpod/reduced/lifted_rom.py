@@ -55,7 +55,6 @@ def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np
 
     Parameters
     ----------
-    scene : Scene
     snapshots : dict
         velocity_snapshots (n, N) [m/s]; density_snapshots (m, N) [kg/m³] or strain_snapshots; and
         velocity_twins, density_twins or strain_twins of the same shapes, where there are
@@ -163,7 +162,6 @@ def build(
 
     Parameters
     ----------
-    scene : Scene
     modes : dict
         As from `decompose`.
     count : int, optional
@@ -190,7 +188,6 @@ class LiftedModel:
 
     Attributes
     ----------
-    scene : Scene
     velocity_modes, strain_modes : arrays, shapes (kv, N) and (ke, N)
         Orthonormal modes of the scaled fields, one a row.
     translation : int
@@ -328,7 +325,6 @@ class OwnModes:
     ----------
     blocks : array, shape (n, 2, 2) or (1, s, s)
         As in `propagator.prepare` [1/s].
-    singles : int
     to_modes : array, shape (kv + ke, coordinates)
         Own coordinates to those in the modes of velocity and strain.
     orthogonal : bool
@@ -433,8 +429,6 @@ class LiftedRun(ReducedRun):
 
     Attributes
     ----------
-    reduced : LiftedModel
-    method : str
     jumps : Jumps, or Steps where coefficients change with time
     begun : array, shape (coordinates,)
         Own coordinates at t = 0.

@@ -80,7 +80,6 @@ class ReducedModel:
 
     Attributes
     ----------
-    scene : Scene
     method : str
         original, linearized, frozen1, frozen2, …
     velocity_modes, density_modes : arrays, shapes (kv, N) and (kρ, N)
@@ -267,7 +266,6 @@ class GalerkinRun(ReducedRun):
 
     Attributes
     ----------
-    reduced : ReducedModel
     steps : int array, shape (times,)
     march : callable
         Fills a state.
@@ -376,8 +374,6 @@ def sweep(
 
     Parameters
     ----------
-    scene : Scene
-    method : str
     mode_counts : ints
         Modes for velocity and density each, or all there are.
     modes : dict
@@ -513,7 +509,6 @@ def accelerate(
 
     Parameters
     ----------
-    scene : Scene
     n_freeze, mode_counts : ints
     modes, sph : dict
         As in ``sweep``.

@@ -33,7 +33,6 @@ def twins(scene: Scene, sampling: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         As in `snapshots.sampling_steps`.
 

@@ -21,7 +21,6 @@ def sampling_steps(scene: Scene, sampling: Mapping[str, Any]) -> tuple[np.ndarra
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         ``range`` and ``count``, with a ``seed`` for random steps; or ``velocity_times`` and
         ``density_times``.
@@ -74,7 +73,6 @@ def extract(
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         As in ``sampling_steps``.
     solution : dict
@@ -122,7 +120,6 @@ def own(scene: Scene, sampling: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         ``from``, the file: velocity_snapshots (n, N) [m/s] and density_snapshots (m, N) [kg/m³]
         with velocity_time (n,) and density_time (m,) [s]; or velocity and density (n, N) with t.

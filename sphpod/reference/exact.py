@@ -67,10 +67,6 @@ FOLD_POINTS = 2048
 def kind(scene: Scene) -> str | None:
     """Which exact solution a scene has.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     "dalembert", "fourier", "two_layer" or None
@@ -117,10 +113,6 @@ def layers(scene: Scene) -> list[tuple[float, str]]:
 
 def solve(scene: Scene) -> dict[str, np.ndarray]:
     """Exact solution at the particles and the times of the error integral.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Returns
     -------

@@ -99,7 +99,6 @@ def study(
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         As `snapshots.sampling_steps` takes it.
     mode_count : int
@@ -183,7 +182,6 @@ def folding_amplitude(scene: Scene, steps: np.ndarray) -> float:
 
     Parameters
     ----------
-    scene : Scene
     steps : int array
         Steps after which the Jacobian is looked at.
 

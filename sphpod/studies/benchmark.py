@@ -51,8 +51,6 @@ class Contender:
 
     Attributes
     ----------
-    method, integrator : str
-    run : Run
     modes, n_freeze : int
         0 where there are none.
     tolerance : float
@@ -97,7 +95,6 @@ def compare(
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         As in `snapshots.sampling_steps`.
     study : dict
@@ -106,7 +103,6 @@ def compare(
         velocity_snapshots, density_snapshots of the sampling.
     full : dict
         velocity and density (times, N) of full SPH.
-    repeats : int
 
     Returns
     -------

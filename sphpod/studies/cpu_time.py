@@ -31,7 +31,6 @@ def compare(
 
     Parameters
     ----------
-    scene : Scene
     modes : dict
         velocity_modes, density_modes (one a row).
     mode_counts, n_freeze : ints

@@ -39,7 +39,6 @@ def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
     ----------
     scene : Scene
         Of evenly spaced particles.
-    repeats : int
 
     Returns
     -------

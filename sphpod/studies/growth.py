@@ -48,7 +48,6 @@ class Waves:
 
     Attributes
     ----------
-    scene : Scene
     frequencies : array, shape (N,)
         ω_j [1/s], falling.
     start : complex array, shape (N,)

@@ -43,7 +43,6 @@ def compare(scene: Scene, taken: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
 
     Parameters
     ----------
-    scene : Scene
     taken : dict
         x (N,), velocity_snapshots (n, N), density_snapshots (m, N).
 

@@ -25,7 +25,6 @@ def measure(
 
     Parameters
     ----------
-    scene : Scene
     largest : int
         Largest number of modes of either field, or all there are.
     modes : dict

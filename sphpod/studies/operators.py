@@ -109,7 +109,6 @@ def of_samplings(
 
     Parameters
     ----------
-    scene : Scene
     mode_counts : ints
         Modes for velocity and density each, or all there are.
     modes, energy_modes : dict
@@ -160,11 +159,9 @@ def of_random_bases(scene: Scene, count: int, seed: int) -> dict[str, np.ndarray
 
     Parameters
     ----------
-    scene : Scene
     count : int
         How many bases; each has up to `RANDOM_MODES` modes of velocity, and as many or not of
         density or strain.
-    seed : int
 
     Returns
     -------
@@ -210,7 +207,6 @@ def example(scene: Scene, seed: int) -> dict[str, np.ndarray]:
     ----------
     scene : Scene
         Undamped and unforced; ρ0 or c vary.
-    seed : int
 
     Returns
     -------

@@ -51,7 +51,6 @@ def study(
 
     Parameters
     ----------
-    scene : Scene
     taken : dict
         velocity_snapshots (n, N) [m/s] and density_snapshots (m, N) [kg/m³] without a defect.
     full : dict

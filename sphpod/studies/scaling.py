@@ -46,12 +46,10 @@ def measure(
 
     Parameters
     ----------
-    scene : Scene
     particle_counts : ints
         N of full models, and of reduced ones with `MODE_COUNT` modes.
     mode_counts : ints
         k of reduced models of the scene's own particles.
-    repeats : int
 
     Returns
     -------

@@ -72,7 +72,6 @@ def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
     ----------
     scene : Scene
         Undamped and unforced, with uniform material, and an exact solution.
-    repeats : int
 
     Returns
     -------

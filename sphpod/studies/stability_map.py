@@ -45,7 +45,6 @@ def of_damping(scene: Scene, size: int = 25) -> Arrays:
 
     Parameters
     ----------
-    scene : Scene
     size : int
         Dampings and time steps.
 

@@ -193,7 +193,6 @@ def growth(march: March, seed: np.ndarray, time_step: float, steps: int) -> floa
         Both phases are run.
     time_step : float
         Δt [s].
-    steps : int
     """
     phases = [phase for phase in (seed.real, seed.imag) if phase.any()]
     ends = np.array([march(phase, time_step, steps, 1)[-1] for phase in phases])
@@ -227,7 +226,6 @@ class Contender:
 
     Attributes
     ----------
-    name, integrator : str
     mode_count : int
         0 for a full model.
     march : callable
@@ -300,10 +298,6 @@ def _small(scene, seed, velocity, strain):
 def full(scene: Scene) -> Arrays:
     """Predicted and measured limits of the full models.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     dict
@@ -348,7 +342,6 @@ def reduced(
 
     Parameters
     ----------
-    scene : Scene
     mode_counts : ints
         Modes for each field, or all there are.
     modes : dict

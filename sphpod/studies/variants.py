@@ -25,7 +25,6 @@ def measure(scene: Scene, runs: Mapping[str, Mapping[str, float]]) -> dict[str, 
 
     Parameters
     ----------
-    scene : Scene
     runs : dict
         particle_count, smoothing_ratio or time_step [s] of each variant, by its name.
 

@@ -53,7 +53,6 @@ def answer_all(
 
     Parameters
     ----------
-    survey : Survey
     asked : dict
     points : array, shape (queries, parameters)
     tolerance : float

@@ -61,10 +61,8 @@ class Contender:
 
     Attributes
     ----------
-    name, integrator : str
     answer : callable
         Answers all queries, from values of parameters or from prepared models to quantities.
-    error : float
     modes : int
         0 of a full model.
     time_step : float
@@ -87,7 +85,6 @@ class Task:
 
     Parameters
     ----------
-    operators : Operators
     asked : dict
     points : sequence of dicts
         Parameters of the queries.

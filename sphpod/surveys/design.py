@@ -81,7 +81,6 @@ class Search:
     ranges : dict
     keys : dict
         The design in the configuration.
-    goal : Goal
 
     Attributes
     ----------

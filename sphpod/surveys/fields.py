@@ -31,10 +31,8 @@ class ParametricField:
 
     Parameters
     ----------
-    text : str
     parameters : names of the μ
     constants : further names and their values
-    sample : Sample
 
     Attributes
     ----------

@@ -35,7 +35,6 @@ class Question:
 
     Parameters
     ----------
-    operators : Operators
     asked : dict
         Its keys in the configuration.
     """
