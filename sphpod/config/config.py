@@ -29,13 +29,7 @@ from sphpod.config.configuration import (
 from sphpod.config.fields import SETTINGS, Name
 from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usual_sweep
 from sphpod.config.reading import ConfigError, merged, plain, read_yaml, refusal
-from sphpod.config.scene_section import (
-    FIGURES,
-    AnySampling,
-    Scene,
-    error_interval,
-    known_names,
-)
+from sphpod.config.scene_section import FIGURES, AnySampling, Scene, error_interval, known_names
 from sphpod.config.sizes import check_counts, check_sizes, sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
 from sphpod.config.start_section import EITHER, check_start

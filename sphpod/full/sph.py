@@ -31,10 +31,7 @@ State = tuple[np.ndarray, np.ndarray]
 
 
 def solve(
-    scene: Scene,
-    steps: np.ndarray,
-    neighbours: str | None = None,
-    start: State | None = None,
+    scene: Scene, steps: np.ndarray, neighbours: str | None = None, start: State | None = None
 ) -> dict[str, np.ndarray]:
     """Run full SPH and keep the fields after the given numbers of steps.
 
@@ -64,10 +61,7 @@ def solve(
 
 
 def prepare(
-    scene: Scene,
-    steps: np.ndarray,
-    neighbours: str | None = None,
-    start: State | None = None,
+    scene: Scene, steps: np.ndarray, neighbours: str | None = None, start: State | None = None
 ) -> FullRun:
     """Everything that precedes the time loop.
 

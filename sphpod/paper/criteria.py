@@ -205,20 +205,12 @@ def least_ratio(place: Place) -> str:
     return f"least POD error {ratio[best]:.3g} of the SPH error, at k = {modes}"
 
 
-@criterion(
-    "POD error < SPH error in v and ρ for some k",
-    "errors",
-    "sweep",
-)
+@criterion("POD error < SPH error in v and ρ for some k", "errors", "sweep")
 def works_for_some(place, claim):
     return Finding(bool((ratios(place) < 1).any()), least_ratio(place))
 
 
-@criterion(
-    "POD error < SPH error in v and ρ for no k",
-    "errors",
-    "sweep",
-)
+@criterion("POD error < SPH error in v and ρ for no k", "errors", "sweep")
 def works_for_none(place, claim):
     return Finding(not (ratios(place) < 1).any(), least_ratio(place))
 

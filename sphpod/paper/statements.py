@@ -59,10 +59,7 @@ def sph_errors_larger(places, claim):
         f"{symbol} {one:.3e} against {other:.3e}"
         for symbol, one, other in zip("vρ", larger, smaller, strict=True)
     )
-    return Finding(
-        all(a > b for a, b in zip(larger, smaller, strict=True)),
-        ", ".join(parts),
-    )
+    return Finding(all(a > b for a, b in zip(larger, smaller, strict=True)), ", ".join(parts))
 
 
 @criterion("error of SPH in ρ: at most 1/{factor} of that in v", "errors")
@@ -167,8 +164,7 @@ def periodic_in_time(place, claim, *, period):
 
 
 @criterion(
-    "v0: more than {groups} harmonics have at least {rise} of the largest amplitude",
-    "exact",
+    "v0: more than {groups} harmonics have at least {rise} of the largest amplitude", "exact"
 )
 def dominant_harmonics(place, claim, *, groups, rise):
     amplitude = np.abs(np.fft.rfft(place["exact"]["velocity"][0]))

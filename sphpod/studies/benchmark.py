@@ -178,12 +178,7 @@ def _offline(scene, sampling, taken, repeats):
     steps = np.union1d(*snapshots.sampling_steps(scene, sampling))
     run = sph.prepare(scene, steps, "stencil").run()
     seconds = timing.measure(
-        [
-            run.run,
-            lambda: pod.decompose(taken),
-            lambda: lifted_rom.decompose(scene, taken),
-        ],
-        repeats,
+        [run.run, lambda: pod.decompose(taken), lambda: lifted_rom.decompose(scene, taken)], repeats
     )
     of_snapshots, euclidean, energy = np.median(seconds, axis=1)
     return lambda method: (of_snapshots, energy if method.startswith("lifted") else euclidean)

@@ -18,7 +18,7 @@ ACROSS = 15
 VARIABLES = {
     "surface": Variable(
         ("quantity_index",), "1", "block of queries that the surface of a quantity is", np.int32
-    ),
+    )
 }
 
 
