@@ -18,7 +18,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics import timing
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.scene import waves
 from sphpod.scene.scene import Scene
 from sphpod.surveys import even, samples, training, unbounded
@@ -38,19 +38,15 @@ AT_ONCE = 1000
 SHORTEST = 0.02
 """Seconds that a timed run lasts at least; a shorter one is repeated until it does."""
 
-VARIABLES = {
-    "query_error": Variable(
-        ("contender_index",), "1", "largest relative error of the queries, as true_error"
-    ),
-    "query_seconds": Variable(("contender_index", "repeat"), "s", "CPU time of a query"),
-    "training_seconds": Variable(("repeat",), "s", "CPU time of all training runs and modes"),
-    "break_even": Variable(
-        ("contender_index",), "1", "queries from which the reduced model with bounds costs less"
-    ),
-    "break_even_unbounded": Variable(
-        ("contender_index",), "1", "the same of the reduced model without bounds"
-    ),
-}
+VARIABLES = meanings(
+    """
+    query_error (contender_index) [1]: largest relative error of the queries, as true_error
+    query_seconds (contender_index, repeat) [s]: CPU time of a query
+    training_seconds (repeat) [s]: CPU time of all training runs and modes
+    break_even (contender_index) [1]: queries from which the reduced model with bounds costs less
+    break_even_unbounded (contender_index) [1]: the same of the reduced model without bounds
+    """
+)
 
 Fields = tuple[np.ndarray, np.ndarray]
 

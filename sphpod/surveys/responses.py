@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.surveys import samples, unbounded
 from sphpod.surveys.answers import answer_all, of_settings
 
@@ -15,11 +15,9 @@ ALONG = 41
 ACROSS = 15
 """Values of each of two parameters over which they are."""
 
-VARIABLES = {
-    "surface": Variable(
-        ("quantity_index",), "1", "block of queries that the surface of a quantity is", np.int32
-    )
-}
+VARIABLES = meanings(
+    "surface (quantity_index) [1] int32: block of queries that the surface of a quantity is"
+)
 
 
 def sections(

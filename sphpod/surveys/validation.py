@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import meanings
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
 from sphpod.surveys import samples
@@ -20,15 +20,13 @@ logger = logging.getLogger(__name__)
 SEED = 20
 """Of the draw of queries."""
 
-VARIABLES = {
-    "true_error": Variable(
-        ("query",), "1", "largest energy norm of the error over time, of the largest norm"
-    ),
-    "effectivity": Variable(("query",), "1", "bound by true error"),
-    "inside": Variable(
-        ("query",), "1", "1 where all quantities of the full run lie in their intervals", np.int8
-    ),
-}
+VARIABLES = meanings(
+    """
+    true_error (query) [1]: largest energy norm of the error over time, of the largest norm
+    effectivity (query) [1]: bound by true error
+    inside (query) [1] int8: 1 where all quantities of the full run lie in their intervals
+    """
+)
 
 
 def validate(
