@@ -17,10 +17,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.scene import kernel
 from sphpod.studies import comparison
 
-Arrays = Mapping[str, np.ndarray]
 Place = Mapping[str, Arrays]
 """Datasets of one scene and sampling, by the names in `FILES`."""
 

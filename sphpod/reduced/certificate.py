@@ -4,13 +4,13 @@ The bounds are those of `sphpod.reduced.error_bound`, which knows nothing of the
 solution.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from sphpod.full import lifted
-from sphpod.numerics.error import FIELDS, blocks, share
+from sphpod.numerics.error import FIELDS, Arrays, blocks, share
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.error_bound import FullModel, error_bounds
 from sphpod.reduced.sweep import failed, sweep
@@ -18,11 +18,7 @@ from sphpod.scene.scene import Scene
 
 
 def certify(
-    scene: Scene,
-    mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    full: Mapping[str, np.ndarray],
-    reference: Mapping[str, np.ndarray],
+    scene: Scene, mode_counts: Iterable[int], modes: Arrays, full: Arrays, reference: Arrays
 ) -> dict[str, np.ndarray]:
     """Errors of ``lifted_exact`` beside their bounds; its coordinates for a single mode count.
 
@@ -90,9 +86,7 @@ def certify(
     return arrays | {"modes_resolved": lifted_rom.modes_resolved(modes, counts)}
 
 
-def choose(
-    scene: Scene, tolerance: float, modes: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
+def choose(scene: Scene, tolerance: float, modes: Arrays) -> dict[str, np.ndarray]:
     """The smallest ``lifted_exact`` model within a tolerance of the best that the snapshots give.
 
     Both are held against the largest energy norm of the best model over time. Where the bound,
@@ -142,7 +136,7 @@ def choose(
     }
 
 
-def verdict(chosen: Mapping[str, np.ndarray]) -> str:
+def verdict(chosen: Arrays) -> str:
     """What `choose` found, in words."""
     bound, tolerance = chosen["energy_error_bound"][0], chosen["tolerance"]
     relation = "within" if chosen["certified"] else "not within"
@@ -175,7 +169,7 @@ class Best:
     norm: float
 
     @classmethod
-    def of(cls, scene: Scene, modes: Mapping[str, np.ndarray]) -> "Best":
+    def of(cls, scene: Scene, modes: Arrays) -> "Best":
         model = lifted_rom.build(scene, modes)
         velocity, strain = model.prepare("lifted_exact").solve().coordinates()
         return cls(model, velocity, strain, float(model.lengths(velocity, strain).max()))

@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted
-from sphpod.numerics.error import FIELDS
+from sphpod.numerics.error import FIELDS, Arrays
 from sphpod.reduced import lifted_rom, pod
 from sphpod.scene.scene import Scene
-
-Arrays = Mapping[str, np.ndarray]
 
 
 def decompose(snapshots: Sequence[Arrays]) -> dict[str, np.ndarray]:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.numerics.error import FIELDS
+from sphpod.numerics.error import FIELDS, Arrays
 from sphpod.scene.scene import Scene, whole_steps
 
 
@@ -66,9 +66,7 @@ def output_steps(scene: Scene, samplings: Iterable[Mapping[str, Any]]) -> np.nda
     return np.unique(np.concatenate(wanted))
 
 
-def extract(
-    scene: Scene, sampling: Mapping[str, Any], solution: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
+def extract(scene: Scene, sampling: Mapping[str, Any], solution: Arrays) -> dict[str, np.ndarray]:
     """Take the snapshots of a sampling out of a full solution.
 
     Parameters

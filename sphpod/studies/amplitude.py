@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sphpod.full import lifted, sph
-from sphpod.numerics.error import FIELDS, project
+from sphpod.numerics.error import FIELDS, Arrays, project
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom, pod
 from sphpod.reduced.rom import galerkin
@@ -154,7 +154,7 @@ def study(
     }
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """A study as a table, a row a contender and amplitude."""
     folding = float(arrays["folding_amplitude"])
     for row, name in enumerate(arrays["contender"]):

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from sphpod.full import lifted, sph
 from sphpod.numerics import timing
-from sphpod.numerics.error import FIELDS, relative_error
+from sphpod.numerics.error import FIELDS, Arrays, relative_error
 from sphpod.reduced import lifted_rom, pod, snapshots
 from sphpod.reduced.rom import acceleration_contenders, freeze_steps, galerkin, modes_resolved
 from sphpod.reduced.sweep import ReducedRun
@@ -87,8 +87,8 @@ def compare(
     scene: Scene,
     sampling: Mapping[str, Any],
     study: Mapping[str, Sequence[int]],
-    taken: Mapping[str, np.ndarray],
-    full: Mapping[str, np.ndarray],
+    taken: Arrays,
+    full: Arrays,
     repeats: int,
 ) -> dict[str, np.ndarray]:
     """CPU times and errors of all contenders of a study.
@@ -120,7 +120,7 @@ def compare(
     for contender in contenders:
         buffers.shared(contender.run)
     reconstructed = np.zeros((2, scene.error_times.size, scene.particle_count))
-    references: dict[int, Mapping[str, np.ndarray]] = {}
+    references: dict[int, Arrays] = {}
     errors = np.full((2, 2, len(contenders)), np.nan)
     numbers = []
     for n, contender in enumerate(contenders):
@@ -282,9 +282,7 @@ def _lifted_model(scene, method, count, modes):
     )
 
 
-def rows(
-    place: Mapping[str, str], measured: Mapping[str, np.ndarray], settings: Mapping[str, Any]
-) -> dict[str, Any]:
+def rows(place: Mapping[str, str], measured: Arrays, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Columns of the benchmark's table, a row a contender.
 
     Speed-ups are ratios of medians: against full SPH with neighbour lists and with one stencil;

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import energy, lifted, sph
-from sphpod.numerics.error import blocks, share
+from sphpod.numerics.error import Arrays, blocks, share
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced.lifted_rom import LiftedModel
 from sphpod.scene.scene import Scene
@@ -217,7 +217,7 @@ def drift(
     return step, share(np.abs(kept - kept[0]).max(), kept[0])
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Rows of a table: one for each horizon of explicit Euler, one for each conserved energy."""
     for n, horizon in enumerate(arrays["horizon"]):
         numbers = {

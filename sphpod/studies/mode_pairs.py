@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sphpod.numerics.error import FIELDS, project_solution
+from sphpod.numerics.error import FIELDS, Arrays, project_solution
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced.pod import resolved
 from sphpod.reduced.rom import ReducedModel, prepare_each
@@ -14,8 +14,6 @@ from sphpod.studies.study import WITHOUT_FREE_ENDS, Dataset, Drawing, Setting, S
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
-
-Arrays = Mapping[str, np.ndarray]
 
 
 def measure(

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sphpod.full import lifted, sph
-from sphpod.numerics.error import FIELDS, relative_error
+from sphpod.numerics.error import FIELDS, Arrays, relative_error
 from sphpod.pipeline.dataset import meanings
 from sphpod.reference import exact, reference
 from sphpod.scene.breakdown import Breakdown
@@ -55,8 +55,6 @@ WORDS = {
     "reference_centred": "reference centred",
 }
 """Models and integrators in figures."""
-
-Fields = Mapping[str, np.ndarray]
 
 
 def study(scene: Scene, levels: int) -> dict[str, np.ndarray]:
@@ -97,7 +95,7 @@ def orders(errors: np.ndarray) -> np.ndarray:
     return np.where(errors[..., 1:] > ROUNDING, found, np.nan)
 
 
-def rows(place: Mapping[str, Any], arrays: Fields) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """A row for each refined model and level, with the order from the level before."""
     for n, model in enumerate(arrays["refined_model"]):
         for level, time_step in enumerate(arrays["refined_time_step"][n]):
@@ -140,7 +138,7 @@ def _in_time(scene, levels):
         yield label, (steps, nothing), np.transpose(errors)
 
 
-def _integrators(scene) -> Iterator[tuple[str, str, Callable[[float], Fields]]]:
+def _integrators(scene) -> Iterator[tuple[str, str, Callable[[float], Arrays]]]:
     def full_sph(step):
         case = replace(scene, time_step=step)
         return sph.solve(case, case.error_steps)
@@ -243,7 +241,7 @@ def _errors(found, right):
     return [relative_error(found[field], right[field]) for field in FIELDS]
 
 
-def draw(tables: Mapping[tuple[str, ...], Fields]) -> "Figure":
+def draw(tables: Mapping[tuple[str, ...], Arrays]) -> "Figure":
     """Draw observed orders, of the two finest levels whose errors are known, a marker a scene.
 
     Parameters

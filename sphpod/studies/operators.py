@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import energy, lifted
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.lifted_rom import LiftedModel
@@ -99,11 +100,7 @@ def conditioned_rate(operator: np.ndarray) -> Spectrum:
 
 
 def of_samplings(
-    scene: Scene,
-    mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    energy_modes: Mapping[str, np.ndarray],
-    snapshots: Mapping[str, np.ndarray],
+    scene: Scene, mode_counts: Iterable[int], modes: Arrays, energy_modes: Arrays, snapshots: Arrays
 ) -> dict[str, np.ndarray]:
     """Growth rates of the paper's and of lifted reduced models on POD modes.
 
@@ -235,11 +232,7 @@ def example(scene: Scene, seed: int) -> dict[str, np.ndarray]:
 
 
 def long_run(
-    scene: Scene,
-    mode_count: int,
-    modes: Mapping[str, np.ndarray],
-    energy_modes: Mapping[str, np.ndarray],
-    horizon: float,
+    scene: Scene, mode_count: int, modes: Arrays, energy_modes: Arrays, horizon: float
 ) -> dict[str, np.ndarray]:
     """Energies of the original and of the lifted model in POD modes, over a long time.
 
@@ -298,7 +291,7 @@ def _random_model(scene, rng):
     return ReducedModel(scene, "original", *rows)
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Rows of a table, one for each number of modes."""
     for n, count in enumerate(arrays["mode_count"]):
         counted = ("mode_count", "modes_resolved")
@@ -307,7 +300,7 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
         yield {**place, "modes": int(count), "modes_resolved": resolved, **numbers}
 
 
-def random_rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[dict[str, Any]]:
+def random_rows(place: Mapping[str, Any], arrays: Arrays) -> list[dict[str, Any]]:
     """The row of a table for the random bases of a scene, the worst of each number.
 
     Returns

@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted, sph
-from sphpod.numerics.error import FIELDS, blocks, share
+from sphpod.numerics.error import FIELDS, Arrays, blocks, share
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import error_bound, lifted_rom, pod
 from sphpod.reduced.rom import galerkin
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import STEADY, Dataset, Drawing, Study
-
-Arrays = Mapping[str, np.ndarray]
 
 EARLY = 0.01
 """Part of the duration within which snapshots that are too early lie."""

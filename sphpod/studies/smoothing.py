@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted, sph
-from sphpod.numerics.error import FIELDS, relative_error
+from sphpod.numerics.error import FIELDS, Arrays, relative_error
 from sphpod.pipeline.dataset import meanings
 from sphpod.scene.kernel import derivative_coefficient, dispersion_coefficient, neighbour_count
 from sphpod.scene.scene import Scene
@@ -24,11 +24,9 @@ THINNING = 10
 """Only each of so many samples of the error integral is taken, which changes errors by far less
 than 1 %."""
 
-Arrays = Mapping[str, np.ndarray]
-
 
 def study(
-    scene: Scene, smoothing_ratios: Iterable[float], reference: Mapping[str, np.ndarray]
+    scene: Scene, smoothing_ratios: Iterable[float], reference: Arrays
 ) -> dict[str, np.ndarray]:
     """Full SPH of a scene with one smoothing length after another.
 

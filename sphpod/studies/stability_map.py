@@ -4,11 +4,12 @@ All waves are seeded at random, so that a map shows what a run does that knows n
 the boundary that `sphpod.stability.spectrum` predicts is drawn beside it.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.numerics.expressions import Expression
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom
@@ -19,7 +20,6 @@ from sphpod.stability.spectrum import euler_limits, frequencies, splitting_limit
 from sphpod.studies.study import STEADY, Dataset, Drawing, Study
 from sphpod.studies.time_steps import (
     SEED,
-    Arrays,
     blur,
     late_growth,
     march_full,
@@ -82,11 +82,7 @@ def of_damping(scene: Scene, size: int = 25) -> Arrays:
 
 
 def of_modes(
-    scene: Scene,
-    mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    energy_modes: Mapping[str, np.ndarray],
-    size: int = 25,
+    scene: Scene, mode_counts: Iterable[int], modes: Arrays, energy_modes: Arrays, size: int = 25
 ) -> Arrays:
     """Growth of reduced models over mode count and time step, beside the predicted limit.
 

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted, sph
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom, rom
 from sphpod.scene.scene import Scene
@@ -27,8 +28,6 @@ from sphpod.stability.spectrum import (
     neutral,
 )
 from sphpod.studies.study import WITHOUT_FREE_ENDS, Dataset, Drawing, Study, samplings, scenes
-
-Arrays = dict[str, np.ndarray]
 
 March = Callable[[np.ndarray, float, int, int], np.ndarray]
 """``march(state, time_step, stride, outputs)``: states after every ``stride`` steps, the first one
@@ -333,10 +332,7 @@ def full(scene: Scene) -> Arrays:
 
 
 def reduced(
-    scene: Scene,
-    mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    energy_modes: Mapping[str, np.ndarray],
+    scene: Scene, mode_counts: Iterable[int], modes: Arrays, energy_modes: Arrays
 ) -> Arrays:
     """Predicted and measured limits of reduced models: original, frozen10 and the lifted ones.
 
@@ -417,7 +413,7 @@ def _arrays(results):
     return {name: np.array([row[name] for row in results]) for name in results[0]}
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Each limit or growth rate of `full` or `reduced` as a row of a table."""
     for n, contender in enumerate(arrays["contender"]):
         grows = not np.isnan(arrays["predicted_growth_rate"][n])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import sph
-from sphpod.numerics.error import FIELDS, relative_error
+from sphpod.numerics.error import FIELDS, Arrays, relative_error
 from sphpod.pipeline.dataset import meanings
 from sphpod.reference import exact, reference
 from sphpod.scene.scene import Scene
@@ -64,7 +64,7 @@ def _errors(scene):
     return [relative_error(found[field], known[field]) for field in FIELDS]
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Rows of a table, one a variant."""
     for n, name in enumerate(arrays["variant"]):
         yield {

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import Variable, meanings
 from sphpod.surveys import samples
 from sphpod.surveys.folds import check_folds
@@ -117,7 +118,7 @@ def chunk_points(survey: Mapping[str, Any], ranges: samples.Ranges, chunk: int) 
 
 
 def joined(
-    survey: Mapping[str, Any], ranges: samples.Ranges, chunks: Iterable[Mapping[str, np.ndarray]]
+    survey: Mapping[str, Any], ranges: samples.Ranges, chunks: Iterable[Arrays]
 ) -> dict[str, np.ndarray]:
     """All chunks together, of which one alone is held beside what is joined."""
     every: dict[str, np.ndarray] = {}

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import Variable
 from sphpod.surveys import cost, design, responses, samples, sensitivity, training, validation
 from sphpod.surveys.answers import (
@@ -23,7 +24,6 @@ from sphpod.surveys.parts import Operators
 from sphpod.surveys.questions import questions
 
 Settings = Mapping[str, Any]
-Arrays = Mapping[str, np.ndarray]
 
 
 def training_run(name: str, settings: Settings, survey: Settings, number: int) -> dict:

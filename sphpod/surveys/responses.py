@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import meanings
 from sphpod.surveys import samples, unbounded
 from sphpod.surveys.answers import answer_all, of_settings
@@ -21,10 +22,7 @@ VARIABLES = meanings(
 
 
 def sections(
-    name: str,
-    settings: Mapping[str, Any],
-    survey: Mapping[str, Any],
-    model: Mapping[str, np.ndarray],
+    name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], model: Arrays
 ) -> dict[str, np.ndarray]:
     """Quantities that are numbers, along each parameter from end to end of its range.
 
@@ -43,8 +41,8 @@ def surfaces(
     name: str,
     settings: Mapping[str, Any],
     survey: Mapping[str, Any],
-    model: Mapping[str, np.ndarray],
-    sections: Mapping[str, np.ndarray],
+    model: Arrays,
+    sections: Arrays,
 ) -> dict[str, np.ndarray]:
     """The same over the two parameters along which a quantity changes most.
 

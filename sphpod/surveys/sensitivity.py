@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import Variable
 from sphpod.surveys import samples, unbounded
 from sphpod.surveys.answers import of_settings
@@ -31,10 +32,7 @@ VARIABLES = {
 
 
 def share_out(
-    name: str,
-    settings: Mapping[str, Any],
-    survey: Mapping[str, Any],
-    model: Mapping[str, np.ndarray],
+    name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], model: Arrays
 ) -> dict[str, np.ndarray]:
     """Sobol indices of all quantities that are numbers, with bootstrapped intervals.
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import meanings
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
@@ -30,10 +31,7 @@ VARIABLES = meanings(
 
 
 def validate(
-    name: str,
-    settings: Mapping[str, Any],
-    survey: Mapping[str, Any],
-    model: Mapping[str, np.ndarray],
+    name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], model: Arrays
 ) -> dict[str, np.ndarray]:
     """True error, estimate and bound of random queries of the ranges.
 
@@ -101,9 +99,7 @@ def in_full(
     return scene, full, _norms(scene, full["velocity"], full["strain"])
 
 
-def relative_error(
-    scene: Scene, full: Mapping[str, np.ndarray], velocity: np.ndarray, strain: np.ndarray
-) -> float:
+def relative_error(scene: Scene, full: Arrays, velocity: np.ndarray, strain: np.ndarray) -> float:
     """Largest energy norm over time of the difference to a full run, of the run's largest norm."""
     largest = _norms(scene, full["velocity"], full["strain"]).max()
     wrong = _norms(scene, full["velocity"] - velocity, full["strain"] - strain)
