@@ -246,17 +246,25 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
     return scene
 
 
+def known_references(physics: scenes.Scene) -> list[str]:
+    """Kinds of references that there are of a scene."""
+    kind = exact.kind(physics)
+    return [
+        "fd",
+        "centred",
+        *["chain"] * (physics.is_even and not physics.start),
+        *["exact"] * (kind is not None),
+        *["modified"] * (kind == "dalembert"),
+    ]
+
+
 def _references(name: str, settings: dict[str, Any], physics: scenes.Scene) -> list[str]:
     asked = settings.get("references")
     if asked is not None and not {"chain", "exact", "modified"} & set(asked):
         return asked
-    kind = exact.kind(physics)
+    possible = known_references(physics)
     if asked is None:
-        return ["centred" if kind is None else "exact"]
-    possible = ["fd", "centred"]
-    possible += ["chain"] if physics.is_even and not physics.start else []
-    possible += ["exact"] if kind else []
-    possible += ["modified"] if kind == "dalembert" else []
+        return ["exact" if "exact" in possible else "centred"]
     for reference in asked:
         if reference not in possible:
             allowed = f"no such solution of this scene is known; allowed are {', '.join(possible)}"

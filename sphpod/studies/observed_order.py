@@ -25,6 +25,7 @@ from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
 from sphpod.scene.waves import fastest_wave
 from sphpod.studies.study import EVEN, Dataset, Drawing, Setting, Study, scenes
+from sphpod.studies.time_steps import run_pair
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -151,21 +152,10 @@ def _integrators(scene) -> Iterator[tuple[str, str, Callable[[float], Arrays]]]:
 
 
 def _pair(scene, integrator, step):
-    """One of scipy's pairs, held to fixed steps by an infinite tolerance."""
-    from scipy import integrate
-
-    count = scene.particle_count
-    begin = np.concatenate([scene.velocity0(), np.zeros(count)])
-    solver = getattr(integrate, integrator.upper())(
-        lifted.rates(scene), 0, begin, np.inf, first_step=step, max_step=step, atol=np.inf
-    )
-    states = [begin]
+    begin = np.concatenate([scene.velocity0(), np.zeros(scene.particle_count)])
     stride = round(scene.error_interval / step)
-    for _ in scene.error_times[1:]:
-        for _ in range(stride):
-            solver.step()
-        states.append(solver.y)
-    velocity, strain = np.split(np.array(states), 2, axis=1)
+    states = run_pair(scene, integrator, begin, step, stride, scene.error_times.size - 1)
+    velocity, strain = np.split(states, 2, axis=1)
     return {"velocity": velocity, "strain": strain}
 
 

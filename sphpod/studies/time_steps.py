@@ -94,25 +94,27 @@ def march_full(scene: Scene, integrator: str, paper: bool = False) -> March:
             velocity, strain = lifted.prepare(case, integrator, start=start).run(watch=False).state
         return np.concatenate([velocity, strain], axis=1)
 
-    def run_pair(state, time_step, stride, outputs):
-        from scipy import integrate
-
-        solver = getattr(integrate, integrator.upper())(
-            lifted.rates(scene), 0, state, np.inf, first_step=time_step, max_step=time_step,
-            atol=np.inf,
-        )  # fmt: skip
-        states = [state]
-        for _ in range(outputs):
-            for _ in range(stride):
-                solver.step()
-            states.append(solver.y)
-        return np.array(states)
-
     def march(state, time_step, stride, outputs):
-        run = run_pair if integrator in lifted.ADAPTIVE else run_fixed
+        run = partial(run_pair, scene, integrator) if integrator in lifted.ADAPTIVE else run_fixed
         return run(state / scales, time_step, stride, outputs) * scales
 
     return odd(march) if paper else march
+
+
+def run_pair(scene, integrator, state, time_step, stride, outputs):
+    """States (outputs + 1, 2 N) of one of scipy's pairs, held to steps by an infinite tolerance."""
+    from scipy import integrate
+
+    solver = getattr(integrate, integrator.upper())(
+        lifted.rates(scene), 0, state, np.inf, first_step=time_step, max_step=time_step,
+        atol=np.inf,
+    )  # fmt: skip
+    states = [state]
+    for _ in range(outputs):
+        for _ in range(stride):
+            solver.step()
+        states.append(solver.y)
+    return np.array(states)
 
 
 def march_galerkin(model: rom.ReducedModel) -> March:

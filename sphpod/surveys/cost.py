@@ -119,7 +119,9 @@ class Task:
 def measure(
     name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], model: Arrays
 ) -> dict[str, np.ndarray]:
-    """Time of a query by each contender, and of the training, in turns.
+    """What a query of a survey costs, by full and by reduced models.
+
+    Each contender answers, and the training is done, in turns.
 
     Parameters
     ----------

@@ -199,7 +199,9 @@ def design(
     answers: Arrays,
     runs: Iterable[Arrays] = (),
 ) -> dict[str, np.ndarray]:
-    """The optimum of each round, by the reduced model and in full; the last one is the answer.
+    """Optima of a survey, and their full runs.
+
+    There is one of each round, by the reduced model and in full; the last one is the answer.
 
     Parameters
     ----------

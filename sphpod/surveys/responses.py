@@ -24,7 +24,9 @@ VARIABLES = meanings(
 def sections(
     name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], model: Arrays
 ) -> dict[str, np.ndarray]:
-    """Quantities that are numbers, along each parameter from end to end of its range.
+    """Quantities of a survey along each of its parameters.
+
+    They are those that are numbers, from end to end of a range.
 
     Returns
     -------
@@ -44,7 +46,9 @@ def surfaces(
     model: Arrays,
     sections: Arrays,
 ) -> dict[str, np.ndarray]:
-    """The same over the two parameters along which a quantity changes most.
+    """Quantities of a survey over two of its parameters.
+
+    They are those along which a quantity changes most.
 
     Returns
     -------

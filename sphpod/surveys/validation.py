@@ -33,10 +33,10 @@ VARIABLES = meanings(
 def validate(
     name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], model: Arrays
 ) -> dict[str, np.ndarray]:
-    """True error, estimate and bound of random queries of the ranges.
+    """Random queries of a survey, solved in full too.
 
-    The error is that of the difference to the lifted full model at the same parameters, exact in
-    time, over the largest energy norm of that; errors of the discretisation are not in it.
+    The true error is that of the difference to the lifted full model at the same parameters, exact
+    in time, over the largest energy norm of that; errors of the discretisation are not in it.
 
     Returns
     -------
