@@ -30,14 +30,11 @@ def certify(
     Returns
     -------
     dict
-        mode_count; velocity_error_reference, density_error_reference; against the lifted full
-        model velocity_error_lifted, strain_error_lifted, relative in the norms of kinetic and of
-        elastic energy over all times; and of the largest energy norm over time: the largest error
-        energy_error_lifted, its bound energy_error_bound, the bound residual_bound of the residual
-        alone, and difference_from_best, how far the model is from the one with all modes of the
-        snapshots, and bound_slack, the smallest difference of bound and error over time;
-        breakdown_time; modes_resolved, as from `lifted_rom.modes_resolved`. For a single count also
-        t, scaled_velocity_coordinates, scaled_strain_coordinates and error_bound (times,).
+        By mode_count, as `dataset.VARIABLES` describes them: {field}_error_reference;
+        velocity_error_lifted and strain_error_lifted, relative in the norms of kinetic and of
+        elastic energy over all times; energy_error_lifted, energy_error_bound, residual_bound,
+        difference_from_best and bound_slack; breakdown_time and modes_resolved. For a single count
+        also t, scaled_velocity_coordinates, scaled_strain_coordinates and error_bound (times,).
     """
     counts = list(mode_counts)
     velocity: Seen

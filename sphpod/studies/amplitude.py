@@ -110,12 +110,8 @@ def study(
     Returns
     -------
     dict
-        amplitude, factors of v0, and smallest_jacobian of full SPH (amplitudes,);
-        folding_amplitude of full SPH and lifted_folding_amplitude of the lifted full model;
-        contender (contenders,); scaled_velocity_error and scaled_density_error, relative L2 errors,
-        and scaled_breakdown_time [s], NaN where nothing broke down (contenders, amplitudes). Errors
-        are NaN of full models and where the full model that is the reference broke down, infinite
-        where the reduced model did.
+        contender (contenders,), and what `STUDY` describes. Errors are NaN of full models and where
+        the full model that is the reference broke down, infinite where the reduced model did.
 
     Raises
     ------

@@ -107,12 +107,9 @@ def compare(
     Returns
     -------
     dict
-        One entry a contender: contender, integrator, contender_mode_count,
-        contender_modes_resolved, n_freeze, contender_particle_count, contender_time_step [s],
-        contender_tolerance; cpu_seconds and reconstruction_seconds (contenders, repeats) [s];
-        {field}_error_full and {field}_error_exact (the first NaN for other particles, the second
-        against centred differences where no exact solution is known); offline_seconds
-        (contenders, 3) [s]: of snapshots, modes and projection.
+        One entry a contender, as `dataset.VARIABLES` describes it: contender, contender_…,
+        integrator, n_freeze, cpu_seconds, reconstruction_seconds, {field}_error_full,
+        {field}_error_exact and offline_seconds.
     """
     buffers = timing.Buffers()
     offline = _offline(scene, sampling, taken, repeats)

@@ -125,13 +125,9 @@ def measure(
     Returns
     -------
     dict
-        horizon; predicted_energy_growth and measured_energy_growth, energy at the end of that at
-        the start, NaN if full SPH broke down; predicted_breakdown_time and
-        measured_breakdown_time, the first of `OUTPUTS` times at which a Jacobian is not positive,
-        NaN if never; each (horizons,). Full SPH steps the density, which compression alone cannot
-        make negative as it can the linear strain, so it breaks down a few e-folds of the fastest
-        wave apart from what is predicted. conserving; energy_time_step, NaN if exact; energy_drift;
-        each (integrators,). energy_horizon.
+        As `STUDY` describes it; a breakdown is looked for at `OUTPUTS` times. Full SPH steps the
+        density, which compression alone cannot make negative as it can the linear strain, so it
+        breaks down a few e-folds of the fastest wave apart from what is predicted.
 
     Raises
     ------

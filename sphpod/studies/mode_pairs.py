@@ -37,9 +37,7 @@ def measure(
     Returns
     -------
     dict
-        velocity_modes_kept (kv,), density_modes_kept (kρ,); pair_velocity_ratio and
-        pair_density_ratio (kv, kρ), infinite where the model broke down; pair_resolved (kv, kρ),
-        whether rounding leaves the modes as they are.
+        As `STUDY` describes it; ratios are infinite where the model broke down.
     """
     rows = [modes[f"{field}_modes"][:largest] for field in FIELDS]
     projected = project_solution(sph, modes, largest)

@@ -71,10 +71,8 @@ def study(scene: Scene, levels: int) -> dict[str, np.ndarray]:
     Returns
     -------
     dict
-        Names refined_model, refined_integrator, refinement and refined_against, shape (refined,);
-        refined_time_step [s] and refined_spacing [m], NaN where it stays or the model is exact in
-        time, and velocity and density errors, shape (refined, level), NaN where a solution broke
-        down; and observed orders, shape (refined, halving), NaN where an error may be rounding.
+        As `STUDY` describes it. A step or spacing is NaN where it stays or the model is exact in
+        time, an error where a solution broke down, an order where an error may be rounding.
     """
     scene = _shortened(scene)
     found = [*_in_time(scene, levels), *_in_space(scene, levels)]

@@ -116,11 +116,9 @@ def of_samplings(
     Returns
     -------
     dict
-        mode_count; modes_resolved, of both kinds of modes; euclidean_growth_rate, of the
-        original and of the frozen model about the initial density as the density modes hold it, the
-        larger; frozen_growth_rate, with coefficients of the snapshots' densities, the largest;
-        euclidean_rounding and frozen_rounding, how far rounding may have moved them;
-        energy_growth_rate and operator_size of the lifted model; each (counts,) [1/s].
+        mode_count; modes_resolved, of both kinds of modes; and what `STUDY` describes of each mode
+        count. euclidean_growth_rate is the larger one of the original and of the frozen model about
+        the initial density as the density modes hold it.
     """
     counts = list(mode_counts)
     found = []
@@ -163,8 +161,7 @@ def of_random_bases(scene: Scene, count: int, seed: int) -> dict[str, np.ndarray
     Returns
     -------
     dict
-        basis_mode_count, modes of velocity and of density together; random_euclidean_growth_rate,
-        random_energy_growth_rate, random_operator_size; each (bases,) [1/s].
+        What `STUDY` describes of bases; modes of velocity and of density are counted together.
     """
     rng = np.random.default_rng(seed)
     density0 = scene.density0()
@@ -208,8 +205,7 @@ def example(scene: Scene, seed: int) -> dict[str, np.ndarray]:
     Returns
     -------
     dict
-        t (times,); paper_energy, lifted_energy (times,) [J/m²], the former NaN from its breakdown
-        on; example_growth_rate [1/s], of the paper's operator at rest; example_time_step [s].
+        As from `long_run`; example_growth_rate and example_time_step, as `STUDY` describes them.
     """
     rng = np.random.default_rng(seed)
     models = [_random_model(scene, rng) for _ in range(EXAMPLE_DRAWS)]

@@ -64,11 +64,9 @@ def study(
     Returns
     -------
     dict
-        noise, noise_error, noise_bound, noise_original_error (levels,); defect, defect_mode_count
-        asked for, defect_rank, the velocity modes that the snapshots hold, defect_error,
-        defect_bound and defect_outcome, which is "within its bound", "beyond its bound" or the
-        sentence that refused the snapshots or reported the breakdown (defects,). Errors and bounds
-        are NaN of what was refused and infinite of what broke down; a refused rank is 0.
+        As `STUDY` describes it. An outcome is "within its bound", "beyond its bound" or the
+        sentence that refused the snapshots or reported the breakdown. Errors and bounds are NaN of
+        what was refused and infinite of what broke down; a refused rank is 0.
     """
     rng = np.random.default_rng(seed)
     sph_fields = sph.solve(scene, scene.error_steps)

@@ -42,10 +42,7 @@ def study(
     Returns
     -------
     dict
-        smoothing_ratio; derivative_coefficient β, dispersion_coefficient κ, neighbour_count on each
-        side; stable_time_step [s], of leapfrog without damping; smoothing_velocity_error and
-        smoothing_density_error, NaN where the run broke down; each (ratios,); and
-        scene_smoothing_ratio, the scene's own.
+        As `STUDY` describes it; errors are NaN where the run broke down.
     """
     ratios = list(smoothing_ratios)
     others = [replace(scene, smoothing_ratio=ratio) for ratio in ratios]

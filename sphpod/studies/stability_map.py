@@ -51,9 +51,7 @@ def of_damping(scene: Scene, size: int = 25) -> Arrays:
     Returns
     -------
     dict
-        map_integrator (2,); map_damping (dampings,) [1/s], map_time_step (steps,) [s]; map_growth
-        (2, dampings, steps), the logarithm of the growth of the amplitude in a step; map_limit
-        (2, dampings) [s].
+        Arrays map_…, as `STUDY` describes them.
     """
     frequency = frequencies(scene)
     fastest = frequency[0]
@@ -98,9 +96,8 @@ def of_modes(
     Returns
     -------
     dict
-        contender (original, lifted_euler); mode_count (counts,); map_time_step (steps,) [s];
-        mode_growth (2, counts, steps), the logarithm of the growth of the amplitude in a step;
-        mode_limit (2, counts) [s].
+        contender (original, lifted_euler), mode_count, map_time_step, mode_growth and mode_limit,
+        as `STUDY` describes them.
     """
     counts, rng = list(mode_counts), np.random.default_rng(0)
     limits, fastest = np.empty((2, len(counts))), np.empty(len(counts))

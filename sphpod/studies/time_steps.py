@@ -302,10 +302,9 @@ def full(scene: Scene) -> Arrays:
     Returns
     -------
     dict
-        Arrays (contenders,): contender (sph, lifted_full), integrator, contender_mode_count (0);
-        predicted_time_step and measured_time_step [s], infinite for exact jumps, NaN where every
-        step grows; there, predicted_growth_rate and measured_growth_rate [1/s] at
-        contender_time_step [s], else NaN.
+        contender (sph, lifted_full), integrator and contender_mode_count (0), (contenders,), and
+        what `STUDY` describes. Time steps are infinite for exact jumps; where every step grows,
+        growth rates are those at contender_time_step [s].
     """
     spectrum = FullSpectrum(scene)
     scales = np.concatenate(lifted.energy_weights(scene))

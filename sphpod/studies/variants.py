@@ -31,8 +31,7 @@ def measure(scene: Scene, runs: Mapping[str, Mapping[str, float]]) -> dict[str, 
     Returns
     -------
     dict
-        variant, the scene's own first; variant_particle_count, variant_smoothing_ratio,
-        variant_velocity_error and variant_density_error, each (variants,).
+        As `STUDY` describes it, the scene's own first.
 
     Raises
     ------
