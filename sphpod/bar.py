@@ -10,11 +10,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import ENERGY_ROOT, VARIABLES, Variable
 from sphpod.scene.ends import MATERIAL, STRAIN, VELOCITY
 from sphpod.scene.scene import Scene
-
-Arrays = Mapping[str, np.ndarray]
 
 MODES = "_modes", "_output"
 """How names end of what is multiplied by √c."""
@@ -31,7 +30,6 @@ def of_bar(scene: Scene, arrays: Arrays, variables: Mapping[str, Variable] | Non
 
     Parameters
     ----------
-    scene : Scene
     arrays : dict
         By names of `dataset.VARIABLES`, or of ``variables``.
     variables : dict, optional

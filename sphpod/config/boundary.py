@@ -13,7 +13,6 @@ def check_ends(name: str, settings: Mapping[str, Any]) -> None:
 
     Parameters
     ----------
-    name : str
     settings : dict
         Block of the scene in the configuration.
 

@@ -30,13 +30,7 @@ from sphpod.config.fields import SETTINGS, Name
 from sphpod.config.mode_counts import check_count, field_limits, parse_pair, usual_sweep
 from sphpod.config.parameters import resolved_parameters
 from sphpod.config.reading import ConfigError, counted, merged, plain, read_yaml, refusal
-from sphpod.config.scene_section import (
-    FIGURES,
-    AnySampling,
-    Scene,
-    error_interval,
-    known_names,
-)
+from sphpod.config.scene_section import FIGURES, AnySampling, Scene, error_interval, known_names
 from sphpod.config.sizes import check_counts, check_sizes, sizes
 from sphpod.config.stability_section import WITHOUT_TIMES, resolved_stability
 from sphpod.config.start_section import EITHER, check_start
@@ -255,25 +249,29 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
     return scene
 
 
+def known_references(physics: scenes.Scene) -> list[str]:
+    """Kinds of references that there are of a scene."""
+    kind = exact.kind(physics)
+    return [
+        "fd",
+        "centred",
+        *["chain"] * (physics.is_even and not physics.start),
+        *["exact"] * (kind is not None),
+        *["modified"] * (kind == "dalembert"),
+    ]
+
+
 def _references(name: str, settings: dict[str, Any], physics: scenes.Scene) -> list[str]:
     asked = settings.get("references")
     if asked is not None and not {"chain", "exact", "modified"} & set(asked):
         return asked
-    kind = exact.kind(physics)
+    possible = known_references(physics)
     if asked is None:
-        return ["centred" if kind is None else "exact"]
-    possible = ["fd", "centred"]
-    possible += ["chain"] if physics.is_even and not physics.start else []
-    possible += ["exact"] if kind else []
-    possible += ["modified"] if kind == "dalembert" else []
+        return ["exact" if "exact" in possible else "centred"]
     for reference in asked:
         if reference not in possible:
-            raise refusal(
-                name,
-                "references",
-                reference,
-                f"no such solution of this scene is known; allowed are {', '.join(possible)}",
-            )
+            allowed = f"no such solution of this scene is known; allowed are {', '.join(possible)}"
+            raise refusal(name, "references", reference, allowed)
     return asked
 
 
@@ -297,45 +295,31 @@ def _resolved_sampling(
     if "range" in settings:
         start, end = settings["range"]
         if not start < end <= latest:
-            raise refusal(
-                name,
-                f"{key}.range",
-                [start, end],
-                f"it must rise and end within T = {checks.number(duration)}",
-            )
+            allowed = f"it must rise and end within T = {checks.number(duration)}"
+            raise refusal(name, f"{key}.range", [start, end], allowed)
         first, last = (scenes.whole_steps(time, step) for time in (start, end))
         available = max(math.floor(last) - math.ceil(first), 0)
         # Evenly spaced times may also round to the range's end, random ones never do.
         if settings["count"] > available + ("seed" not in settings):
-            raise refusal(
-                name,
-                f"{key}.count",
-                settings["count"],
-                f"the range holds {counted(available, 'time step')} of {step:g}, each for one "
-                "snapshot",
-            )
+            held = counted(available, "time step")
+            allowed = f"the range holds {held} of {step:g}, each for one snapshot"
+            raise refusal(name, f"{key}.count", settings["count"], allowed)
     else:
         for which in ("velocity_times", "density_times"):
             last = max(settings[which])
             if last > latest:
-                raise refusal(
-                    name,
-                    f"{key}.{which}",
-                    last,
-                    f"it must lie within 0 and T = {checks.number(duration)}",
-                )
+                allowed = f"it must lie within 0 and T = {checks.number(duration)}"
+                raise refusal(name, f"{key}.{which}", last, allowed)
     taken = snapshots.sampling_steps(physics, settings)
     for which, steps in zip(("velocity_times", "density_times"), taken, strict=True):
         twice = steps[1:][np.diff(steps) == 0]
         if twice.size:
             source = "count" if "count" in settings else which
-            raise refusal(
-                name,
-                f"{key}.{source}",
-                settings[source],
+            allowed = (
                 f"two snapshots fall on the time step at {twice[0] * step:g}; they must lie at "
-                f"least one step of {step:g} apart",
+                f"least one step of {step:g} apart"
             )
+            raise refusal(name, f"{key}.{source}", settings[source], allowed)
     modes = str(settings.get("mode_counts", usual_sweep(scene, sampling)))
     check_count(name, sampling, scene, f"{key}.mode_counts", modes)
     return {**settings, "mode_counts": modes}
@@ -362,28 +346,20 @@ def _resolved_figure(
         if sampling not in known:
             raise refusal(name, f"{key}.sampling", sampling, known_names(what, known))
     if kind == "phase" and exact.kind(physics) != "dalembert":
-        raise refusal(
-            name,
-            f"{key}.kind",
-            kind,
-            "it shows the exact and the modified solution, known for uniform undamped scenes only",
+        allowed = (
+            "it shows the exact and the modified solution, known for uniform undamped scenes only"
         )
+        raise refusal(name, f"{key}.kind", kind, allowed)
     if kind == "phase" and figure["position"] >= scene["domain_length"]:
-        raise refusal(
-            name,
-            f"{key}.position",
-            figure["position"],
-            f"it must be at least 0 and below L = {scene['domain_length']}",
-        )
+        allowed = f"it must be at least 0 and below L = {scene['domain_length']}"
+        raise refusal(name, f"{key}.position", figure["position"], allowed)
     interval = scene["error_interval"]
     if "end_time" in figure and not 2 * interval <= figure["end_time"] <= scene["duration"]:
-        raise refusal(
-            name,
-            f"{key}.end_time",
-            figure["end_time"],
+        allowed = (
             f"it must be from two error intervals, {checks.number(2 * interval)}, to "
-            f"T = {checks.number(scene['duration'])}",
+            f"T = {checks.number(scene['duration'])}"
         )
+        raise refusal(name, f"{key}.end_time", figure["end_time"], allowed)
     if kind == "initial_spectrum" and (physics.ends or not physics.is_even):
         what = "a periodic line" if physics.ends else "evenly spaced particles"
         raise refusal(name, f"{key}.kind", kind, f"a spectrum is drawn of {what} only")
@@ -409,12 +385,8 @@ def _check_benchmark(config: dict[str, Any]) -> None:
         raise refusal(None, "benchmark.step_scene", step_scene, allowed)
     particles, most = scenes[step_scene]["particle_count"], max(benchmark["mode_counts"])
     if most >= particles:
-        raise refusal(
-            None,
-            "benchmark.mode_counts",
-            most,
-            f"it must be below the {particles} particles of {step_scene}",
-        )
+        allowed = f"it must be below the {particles} particles of {step_scene}"
+        raise refusal(None, "benchmark.mode_counts", most, allowed)
 
 
 def distinct_names(parts: Sequence[Sequence[str]]) -> list[str]:
@@ -447,10 +419,6 @@ def _name_figures(config: dict[str, Any]) -> None:
     for scene, key, figure in drawn:
         name = figure["name"]
         if name.lower() in seen:
-            raise refusal(
-                scene,
-                f"{key}.name",
-                name,
-                f"this name is taken by {seen[name.lower()]}; every figure needs its own",
-            )
+            allowed = f"this name is taken by {seen[name.lower()]}; every figure needs its own"
+            raise refusal(scene, f"{key}.name", name, allowed)
         seen[name.lower()] = f"scene {scene}, {key}" if scene else key

@@ -79,10 +79,8 @@ def check_count(
         raise refusal(name, key, modes, f"{error} (sampling {sampling})") from None
     limit = min(mode_limit(scene, sampling) + translation, scene["particle_count"])
     if most > limit:
-        raise refusal(
-            name,
-            key,
-            modes,
+        allowed = (
             f"more modes than the larger snapshot set of sampling {sampling} holds; "
-            f"allowed are 1 to {limit}",
+            f"allowed are 1 to {limit}"
         )
+        raise refusal(name, key, modes, allowed)

@@ -272,8 +272,7 @@ class PhaseFigure(Figure):
     shows: ClassVar[str] = "Velocity at one position against time"
     kind: Literal["phase"] = Field(description=WHAT_IS_DRAWN)
     position: float = Field(
-        ge=0,
-        description="where the velocity of a phase figure is taken [m], from 0 to below L",
+        ge=0, description="where the velocity of a phase figure is taken [m], from 0 to below L"
     )
 
 

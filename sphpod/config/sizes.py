@@ -53,7 +53,6 @@ def check_counts(name: str, settings: Mapping[str, Any]) -> None:
 
     Parameters
     ----------
-    name : str
     settings : dict
         Block of a scene in the configuration.
 
@@ -98,7 +97,6 @@ def sizes(scene: Scene, settings: Mapping[str, Any]) -> Iterator[Size]:
 
     Parameters
     ----------
-    scene : Scene
     settings : dict
         Its block of the configuration.
     """

@@ -153,13 +153,11 @@ def resolved_stability(
     for ratio in stability["smoothing_ratios"]:
         for name, scene in known.items():
             if 2 * neighbour_count(ratio) + 1 > scene["particle_count"]:
-                raise refusal(
-                    None,
-                    "stability.smoothing_ratios",
-                    ratio,
+                allowed = (
                     f"the kernel's support of 4h would wrap round the domain of scene {name}, "
-                    f"which has {scene['particle_count']} particles",
+                    f"which has {scene['particle_count']} particles"
                 )
+                raise refusal(None, "stability.smoothing_ratios", ratio, allowed)
     _check_runs(stability, known)
     stability["edge_scenes"] = {
         name: _edge_scene(name, scene, known, memory)

@@ -1,7 +1,6 @@
 """Motion of full SPH and of reduced models beside it, as a picture that moves."""
 
 import os
-from collections.abc import Mapping
 
 import matplotlib.style
 import numpy as np
@@ -9,9 +8,8 @@ from matplotlib.animation import FuncAnimation, PillowWriter
 from matplotlib.figure import Figure
 
 from sphpod.figures.plotting import BLUE, GREEN, GREY, STYLE, VERMILLION
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import whole
-
-Arrays = Mapping[str, np.ndarray]
 
 FRAMES = 120
 """Pictures of one animation, and how many of them a second has."""

@@ -136,10 +136,8 @@ def work_precision(benchmark: Arrays) -> Figure:
     Parameters
     ----------
     benchmark
-        One entry a contender: `contender`, `integrator`, `contender_mode_count` (0 of a full
-        model), `contender_particle_count`, `contender_time_step` [s] and `contender_tolerance` (NaN
-        where they do not apply), `velocity_error_exact`, `density_error_exact`, and `cpu_seconds`
-        of shape (contender, repeat). Full SPH as the scene sets it is the first `sph_stencil`.
+        As from `studies.benchmark`, one entry a contender. Full SPH as the scene sets it is the
+        first `sph_stencil`.
 
     Raises
     ------
@@ -438,10 +436,9 @@ def scaling(scaling: Arrays) -> Figure:
     Parameters
     ----------
     scaling
-        One entry a measurement: `contender`, `contender_particle_count`, `contender_mode_count` (0
-        of a full model), `step_seconds` of shape (contender, repeat), `memory_bytes`. Reduced
-        models stand against particles at the mode count that most entries have, and against modes
-        at the particle count that most entries have, if there with several.
+        As from `studies.scaling`, one entry a measurement. Reduced models stand against particles
+        at the mode count that most entries have, and against modes at the particle count that most
+        entries have, if there with several.
 
     Raises
     ------

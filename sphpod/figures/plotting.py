@@ -29,9 +29,9 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline import dataset
 
-Arrays = Mapping[str, np.ndarray]
 Look = Mapping[str, Any]  # keyword arguments of Axes.plot
 
 STYLE = Path(__file__).with_name("style.mplstyle")

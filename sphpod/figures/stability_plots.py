@@ -1,7 +1,8 @@
 """Figures of the study of stability, one function a kind, in the style of `figures.plotting`.
 
 They show a prediction of theory and a measurement of a run side by side: what is predicted is
-hollow or a line, what is measured is filled.
+hollow or a line, what is measured is filled. Each shows arrays of the study that it is named as, in
+whose module `STUDY` describes them (`sphpod.studies`).
 
 Long: each study has its functions under a heading of its own, and all of them share marks and
 legends.
@@ -196,12 +197,9 @@ def stability_map(damping: Arrays, modes: Arrays) -> Figure:
     Parameters
     ----------
     damping
-        `map_integrator`, `map_damping` [1/s] and `map_time_step` [s], both ascending, `map_growth`
-        of shape (integrator, damping, time step) and `map_limit` [s] of shape (integrator,
-        damping).
+        Dampings and time steps are ascending.
     modes
-        `contender`, `mode_count`, `map_time_step`, `mode_growth` of shape (contender, mode count,
-        time step) and `mode_limit` [s] of shape (contender, mode count).
+        By contender, mode count and time step.
 
     Raises
     ------
@@ -332,9 +330,7 @@ def growth(scenes: Mapping[Place, Arrays]) -> Figure:
     Parameters
     ----------
     scenes
-        By scene: `horizon` [s], `predicted_energy_growth`, `measured_energy_growth` (NaN if the run
-        broke down), `predicted_breakdown_time`, `measured_breakdown_time` [s]; `conserving`,
-        `energy_drift`, `energy_horizon` [s].
+        By scene.
 
     Raises
     ------
@@ -482,14 +478,11 @@ def operators(
     Parameters
     ----------
     samplings
-        By scene and sampling: `mode_count`, `euclidean_growth_rate`, `frozen_growth_rate`,
-        `energy_growth_rate`, `euclidean_rounding`, `frozen_rounding` and `operator_size` [1/s].
+        Of POD modes, by scene and sampling.
     random
-        By scene, any number of them: `random_euclidean_growth_rate`, `random_energy_growth_rate`,
-        `random_operator_size` [1/s].
+        Of random bases, by scene, any number of them.
     runs
-        By scene of random modes, by scene and sampling of POD modes, any number of them: `t` [s],
-        `paper_energy`, `lifted_energy` [J/m²].
+        By scene of random modes, by scene and sampling of POD modes, any number of them.
 
     Raises
     ------
@@ -636,10 +629,7 @@ def smoothing(scenes: Mapping[Place, Arrays]) -> Figure:
     Parameters
     ----------
     scenes
-        By scene: `smoothing_ratio`, above 1, alike for all, `scene_smoothing_ratio`, which the
-        scene has, `derivative_coefficient`,
-        `dispersion_coefficient`, `neighbour_count`, `stable_time_step` [s],
-        `smoothing_velocity_error`, `smoothing_density_error`.
+        By scene; `smoothing_ratio` is above 1 and alike for all.
 
     Raises
     ------
@@ -767,10 +757,7 @@ def amplitude(amplitude: Arrays) -> Figure:
     Parameters
     ----------
     amplitude
-        `amplitude`, ascending, `smallest_jacobian`, `folding_amplitude` (NaN if it was not found);
-        `contender` and `scaled_velocity_error`, `scaled_density_error` of shape (contender,
-        amplitude): of `lifted_exact` against the lifted full model, of others against full SPH, NaN
-        where there is nothing to compare with. Full models are not shown.
+        Amplitudes are ascending; full models are not shown.
 
     Raises
     ------
@@ -850,13 +837,6 @@ def poor_snapshots(snapshots: Arrays) -> Figure:
 
     Bounds are hollow, errors filled. Of a model that is refused, or breaks down, neither is finite:
     why is said in words. A single value that is not finite, or above 10³, stands on the edge.
-
-    Parameters
-    ----------
-    snapshots
-        `noise`, `noise_error`, `noise_bound`, `noise_original_error`; one entry a defect: `defect`,
-        `defect_mode_count`, `defect_rank` (0 if refused), `defect_error`, `defect_bound` and
-        `defect_outcome`, in words.
 
     Raises
     ------
@@ -973,10 +953,7 @@ def time_steps(tables: Mapping[Place, Arrays]) -> Figure:
     Parameters
     ----------
     tables
-        By scene, or by scene and sampling, one entry a model: `contender`, `integrator`,
-        `predicted_time_step`, `measured_time_step` [s] (NaN where no step is stable, infinite
-        where every one is),
-        `predicted_growth_rate`, `measured_growth_rate` [1/s] (NaN if stable).
+        By scene, or by scene and sampling, one entry a model.
 
     Raises
     ------

@@ -80,7 +80,6 @@ def step_grid(
     courses : tuple of Courses
     longest : float
         Longest step before it is halved [s].
-    halvings : int
 
     Returns
     -------
@@ -138,7 +137,6 @@ class Stepped:
 
     Attributes
     ----------
-    scene : Scene
     begin : (velocity, strain)
     time_error : float
         Of the last run, estimated: largest energy norm of the error over that of the solution.

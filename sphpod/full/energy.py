@@ -41,7 +41,6 @@ def kept(
 
     Parameters
     ----------
-    scene : Scene
     integrator : {"exact", "leapfrog", "symplectic_euler"}
         Of exact steps it is the energy itself.
     time_step : float

@@ -119,7 +119,6 @@ def solve(
 
     Parameters
     ----------
-    scene : Scene
     integrator : {"explicit_euler", "symplectic_euler", "leapfrog", "rk45", "dop853", "exact"}
     time_step : float, optional
         Δt [s] of the first three, of which the error interval is a whole multiple; the scene's own
@@ -285,7 +284,6 @@ def strain_bound(scene: Scene, integrator: str, time_step: float, begin: State) 
 
     Parameters
     ----------
-    scene : Scene
     integrator : {"explicit_euler", "symplectic_euler", "leapfrog"}
     time_step : float
         Δt [s].

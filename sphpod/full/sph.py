@@ -31,16 +31,12 @@ State = tuple[np.ndarray, np.ndarray]
 
 
 def solve(
-    scene: Scene,
-    steps: np.ndarray,
-    neighbours: str | None = None,
-    start: State | None = None,
+    scene: Scene, steps: np.ndarray, neighbours: str | None = None, start: State | None = None
 ) -> dict[str, np.ndarray]:
     """Run full SPH and keep the fields after the given numbers of steps.
 
     Parameters
     ----------
-    scene : Scene
     steps : int array, shape (times,)
         Ascending numbers of time steps after which the state is kept.
     neighbours : {"stencil", "lists"}, optional
@@ -65,10 +61,7 @@ def solve(
 
 
 def prepare(
-    scene: Scene,
-    steps: np.ndarray,
-    neighbours: str | None = None,
-    start: State | None = None,
+    scene: Scene, steps: np.ndarray, neighbours: str | None = None, start: State | None = None
 ) -> FullRun:
     """Everything that precedes the time loop.
 
@@ -131,13 +124,11 @@ def changing(scene: Scene, key: str, count: int, first: int = 0, parts: int = 1)
 
     Parameters
     ----------
-    scene : Scene
     key : {"youngs_modulus", "damping"}
     count : int
         Number of steps, or of so many parts of one.
     first : int
         Step of which the values are.
-    parts : int
 
     Returns
     -------
@@ -188,12 +179,10 @@ def fastest_change(
 
     Parameters
     ----------
-    scene : Scene
     time_step : float
         Δt [s].
     force : float
         Largest size of the force [m/s²].
-    factor : float
 
     Returns
     -------

@@ -114,7 +114,6 @@ def bounds_in(
 
     Parameters
     ----------
-    expression : Expression
     ends : pairs of arrays, of shapes that broadcast together
         Low and high ends, one pair for each variable.
 

@@ -7,6 +7,9 @@ import numpy as np
 
 FIELDS = ("velocity", "density")
 
+Arrays = Mapping[str, np.ndarray]
+"""Arrays by name, as a dataset has them in memory."""
+
 
 def share(part: float, whole: float) -> float:
     """Part of a norm: 0 of nothing where there is no part, NaN where there is one.
@@ -39,11 +42,7 @@ def relative_error(solution: np.ndarray, reference: np.ndarray) -> float:
     return share(np.sqrt(wrong), np.sqrt(right))
 
 
-def table(
-    sph: Mapping[str, np.ndarray],
-    references: Sequence[Mapping[str, np.ndarray]],
-    kinds: Sequence[str],
-) -> dict[str, np.ndarray]:
+def table(sph: Arrays, references: Sequence[Arrays], kinds: Sequence[str]) -> dict[str, np.ndarray]:
     """Errors of full SPH and of references, in velocity and density (section 3.1).
 
     Parameters
@@ -69,7 +68,7 @@ def table(
     return arrays
 
 
-def compare(solutions: Mapping[str, np.ndarray], references: Sequence[str]) -> np.ndarray:
+def compare(solutions: Arrays, references: Sequence[str]) -> np.ndarray:
     """Errors of full SPH against each reference, and of each reference against the exact solution.
 
     Parameters
@@ -151,9 +150,7 @@ def project(field: np.ndarray, modes: np.ndarray) -> Projection:
     return Projection(coordinates, squares, float(outside), float(total))
 
 
-def project_solution(
-    solution: Mapping[str, np.ndarray], modes: Mapping[str, np.ndarray], count: int
-) -> dict[str, Projection]:
+def project_solution(solution: Arrays, modes: Arrays, count: int) -> dict[str, Projection]:
     """Project velocity and density (times, N) of a solution on the first modes of each."""
     return {field: project(solution[field], modes[f"{field}_modes"][:count]) for field in FIELDS}
 

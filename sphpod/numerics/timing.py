@@ -59,7 +59,6 @@ def measure(
     Parameters
     ----------
     runs : callables
-    repeats : int
     numbers : ints, optional
         How often each is run for one time, of which the mean is taken; once if not given.
 

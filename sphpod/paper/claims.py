@@ -11,11 +11,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from inspect import signature
 from typing import Any
 
-import numpy as np
-
 from sphpod.config.mode_counts import parse_modes
 from sphpod.config.reading import ConfigError
-from sphpod.numerics.error import FIELDS
+from sphpod.numerics.error import FIELDS, Arrays
 from sphpod.paper import statements  # noqa: F401  (registers its criteria)
 from sphpod.paper.criteria import CRITERIA, FILES
 from sphpod.studies.comparison import near_rounding
@@ -243,7 +241,7 @@ def statement(claim: Mapping[str, Any]) -> str:
 
 
 def table(
-    claims: Sequence[Mapping[str, Any]], read: Callable[[str], Mapping[str, np.ndarray]]
+    claims: Sequence[Mapping[str, Any]], read: Callable[[str], Arrays]
 ) -> list[dict[str, Any]]:
     """Decide on resolved claims.
 

@@ -469,7 +469,6 @@ def solve_otherwise(scene: Scene, stepping: int) -> dict[str, np.ndarray]:
 
     Parameters
     ----------
-    scene : Scene
     stepping : int
         EULER (the paper's), or another time stepping.
 

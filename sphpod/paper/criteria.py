@@ -2,7 +2,8 @@
 
 A criterion looks at one or more places, each a scene with a sampling, and sees there the datasets
 it asks for. What it finds is either a number, compared with the paper's, or a yes or no with the
-measured values that led to it. The configuration names criteria by the names of the functions.
+measured values that led to it. The configuration names criteria by the names of the functions; the
+text that a function is registered with says what it decides.
 
 As in the paper, the POD error is that of a reduced model (the original one, unless it is named)
 against full SPH, and the SPH error that of full SPH against the scene's first reference.
@@ -16,10 +17,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.scene import kernel
 from sphpod.studies import comparison
 
-Arrays = Mapping[str, np.ndarray]
 Place = Mapping[str, Arrays]
 """Datasets of one scene and sampling, by the names in `FILES`."""
 
@@ -112,7 +113,6 @@ def compared_matrix(columns: np.ndarray, claim: Mapping[str, Any]) -> Finding:
     paper="a number",
 )
 def sph_error(place, claim, *, field, reference):
-    """Relative L2 error of full SPH."""
     column = list(place["errors"]["reference"]).index(reference)
     return compared(float(place["errors"][f"{field}_error"][0, column]), claim)
 
@@ -205,23 +205,13 @@ def least_ratio(place: Place) -> str:
     return f"least POD error {ratio[best]:.3g} of the SPH error, at k = {modes}"
 
 
-@criterion(
-    "POD error < SPH error in v and ρ for some k",
-    "errors",
-    "sweep",
-)
+@criterion("POD error < SPH error in v and ρ for some k", "errors", "sweep")
 def works_for_some(place, claim):
-    """Whether any mode count works."""
     return Finding(bool((ratios(place) < 1).any()), least_ratio(place))
 
 
-@criterion(
-    "POD error < SPH error in v and ρ for no k",
-    "errors",
-    "sweep",
-)
+@criterion("POD error < SPH error in v and ρ for no k", "errors", "sweep")
 def works_for_none(place, claim):
-    """Whether no mode count works."""
     return Finding(not (ratios(place) < 1).any(), least_ratio(place))
 
 
@@ -233,7 +223,6 @@ def works_for_none(place, claim):
     "pod",
 )
 def works_with_all(place, claim, *, velocity_modes, density_modes):
-    """Whether the largest mode count works, and uses as many modes as said."""
     there = tuple(place["pod"][f"{field}_singular_values"].size for field in FIELDS)
     ratio = ratios(place)[np.argmax(place["sweep"]["mode_count"])]
     return Finding(
@@ -247,7 +236,6 @@ def works_with_all(place, claim, *, velocity_modes, density_modes):
     "sweep",
 )
 def error_drop(place, claim, *, after, begin, factor):
-    """Whether errors are much smaller from a mode count on."""
     modes = place["sweep"]["mode_count"]
     drop = min(
         float(
@@ -268,7 +256,6 @@ def error_drop(place, claim, *, after, begin, factor):
     "pod",
 )
 def singular_value_groups(place, claim, *, field, size, groups, within, between):
-    """Whether singular values fall in groups."""
     values = place["pod"][f"{field}_singular_values"][: size * groups + 1]
     inside = max(values[size * g] / values[size * (g + 1) - 1] for g in range(groups))
     behind = min(values[size * (g + 1) - 1] / values[size * (g + 1)] for g in range(groups))
@@ -284,7 +271,6 @@ def singular_value_groups(place, claim, *, field, size, groups, within, between)
     "pod",
 )
 def uniform_mode(place, claim, *, field, spread, dominance):
-    """Whether the first mode is nearly uniform, and dominant."""
     mode, values = place["pod"][f"{field}_modes"][0], place["pod"][f"{field}_singular_values"]
     variation, ratio = float(np.ptp(mode) / abs(mode.mean())), float(values[0] / values[1])
     return Finding(
@@ -299,7 +285,6 @@ def uniform_mode(place, claim, *, field, spread, dominance):
     "pod",
 )
 def singular_value_drop(place, claim, *, field, after, similar, drop, among):
-    """Whether singular values stay together up to a number, and fall most steeply behind it."""
     values = place["pod"][f"{field}_singular_values"][: max(among, after) + 1]
     steps = values[:-1] / values[1:]
     together, fall = float(values[0] / values[after - 1]), float(steps[after - 1])
@@ -317,10 +302,7 @@ def singular_value_drop(place, claim, *, field, after, similar, drop, among):
     "pod",
 )
 def calmer_half(place, claim, *, field, modes, first, second, amplitude, crossings):
-    """Whether modes are smaller and vary more slowly in one part of the domain than in another.
-
-    A mode without a crossing in the first part has no ratio of crossings, and does not count.
-    """
+    """A mode without a crossing in the first part has no ratio of crossings, and does not count."""
     x, rows = place["pod"]["x"], place["pod"][f"{field}_modes"][:modes]
     x = x / (x[1] * x.size)
     parts = [rows[:, (x > start) & (x < end)] for start, end in (first, second)]
@@ -371,7 +353,6 @@ def worded(ratio: Mapping[str, Sequence[float]], mode_counts: Sequence[int]) -> 
     "acceleration",
 )
 def error_below(place, claim, *, method, mode_counts, factor):
-    """Whether a reduced model is good enough."""
     ratio = error_ratios(place, method, mode_counts)
     return Finding(max(map(max, ratio.values())) < factor, f"{method} {worded(ratio, mode_counts)}")
 
@@ -382,7 +363,6 @@ def error_below(place, claim, *, method, mode_counts, factor):
     "acceleration",
 )
 def error_above(place, claim, *, method, mode_counts, factor):
-    """Whether a reduced model is not good enough."""
     ratio = error_ratios(place, method, mode_counts)
     return Finding(min(map(min, ratio.values())) > factor, f"{method} {worded(ratio, mode_counts)}")
 
@@ -393,7 +373,6 @@ def error_above(place, claim, *, method, mode_counts, factor):
     "acceleration",
 )
 def freezing_effect(place, claim, *, mode_counts, rising, steady, rise, spread):
-    """Whether freezing coefficients for longer raises one error and leaves the other."""
     methods = frozen(place["acceleration"])
     holds, parts = True, []
     for count in mode_counts:
@@ -452,7 +431,6 @@ def cpu_time_saved(place, claim, *, method, mode_counts, spread):
     "cpu_time",
 )
 def cpu_time_falls(place, claim, *, mode_counts):
-    """Whether CPU time falls with n_freeze, as far as the repeats tell."""
     times, methods = place["cpu_time"], frozen(place["cpu_time"])
     keys = zip(times["contender"], times["contender_mode_count"], strict=True)
     quartiles = dict(
@@ -481,7 +459,6 @@ def cpu_time_falls(place, claim, *, mode_counts):
     places=(1, math.inf),
 )
 def cpu_time_alike(places, claim, *, methods, factor):
-    """Whether reduced models take about the time of full SPH."""
     parts, holds = [], True
     for baseline, name in BASELINES.items():
         ratio = [

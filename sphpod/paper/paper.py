@@ -4,11 +4,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-import numpy as np
-
+from sphpod.numerics.error import Arrays
 from sphpod.scene.scene import Scene
-
-Arrays = Mapping[str, np.ndarray]
 
 FIELDS = {"velocity": "v", "density": "ρ"}
 

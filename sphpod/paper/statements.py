@@ -52,7 +52,6 @@ def shares(rows: np.ndarray) -> np.ndarray:
     places=(2, 2),
 )
 def sph_errors_larger(places, claim):
-    """Whether a scene has larger errors than another, in both fields."""
     larger, smaller = (
         [float(place["errors"][f"{field}_error"][0, 0]) for field in FIELDS] for place in places
     )
@@ -60,15 +59,11 @@ def sph_errors_larger(places, claim):
         f"{symbol} {one:.3e} against {other:.3e}"
         for symbol, one, other in zip("vρ", larger, smaller, strict=True)
     )
-    return Finding(
-        all(a > b for a, b in zip(larger, smaller, strict=True)),
-        ", ".join(parts),
-    )
+    return Finding(all(a > b for a, b in zip(larger, smaller, strict=True)), ", ".join(parts))
 
 
 @criterion("error of SPH in ρ: at most 1/{factor} of that in v", "errors")
 def density_error_smaller(place, claim, *, factor):
-    """How much smaller the error of the density is."""
     velocity, density = (float(place["errors"][f"{field}_error"][0, 0]) for field in FIELDS)
     return Finding(velocity >= factor * density, f"{velocity / density:.3g} times smaller")
 
@@ -80,7 +75,6 @@ def density_error_smaller(place, claim, *, factor):
     places=(1, 2),
 )
 def variant_errors(places, claim, *, field, variants, factor):
-    """Errors of two variants, of one scene or of two."""
     first, second = (
         _variant(place, name, field)
         for place, name in zip(places * (3 - len(places)), variants, strict=True)
@@ -93,7 +87,6 @@ def variant_errors(places, claim, *, field, variants, factor):
     "variants",
 )
 def some_variant_better(place, claim, *, field):
-    """Whether any variant has a smaller error than the scene as it is."""
     names = [str(name) for name in place["variants"]["variant"]]
     errors = place["variants"][f"variant_{field}_error"]
     best = 1 + int(np.argmin(errors[1:]))
@@ -116,7 +109,6 @@ def _variant(place: Place, name: str, field: str) -> float:
     "modified",
 )
 def follows_modified(place, claim, *, periods, period, factor):
-    """Whether SPH follows the medium whose waves are faster by β, at first."""
     errors = []
     for name in ("modified", "exact"):
         found, known = _together(place["sph"], place[name])
@@ -136,7 +128,6 @@ def follows_modified(place, claim, *, periods, period, factor):
     "modified",
 )
 def error_grows(place, claim, *, factor):
-    """Whether errors are larger later."""
     found, known = _together(place["sph"], place["modified"])
     t = place["modified"]["t"][: len(known)]
     size = np.sqrt(((found - known) ** 2).mean(axis=1))
@@ -159,7 +150,6 @@ def _together(full: Arrays, known: Arrays) -> tuple[np.ndarray, np.ndarray]:
     "exact",
 )
 def periodic_in_time(place, claim, *, period):
-    """Whether the motion repeats itself, and is its own mirror image about half a period."""
     t, velocity = place["exact"]["t"], place["exact"]["velocity"]
     course = CubicSpline(t, velocity)
     first = t[t <= period]
@@ -174,11 +164,9 @@ def periodic_in_time(place, claim, *, period):
 
 
 @criterion(
-    "v0: more than {groups} harmonics have at least {rise} of the largest amplitude",
-    "exact",
+    "v0: more than {groups} harmonics have at least {rise} of the largest amplitude", "exact"
 )
 def dominant_harmonics(place, claim, *, groups, rise):
-    """How many harmonics the initial velocity is made of."""
     amplitude = np.abs(np.fft.rfft(place["exact"]["velocity"][0]))
     amplitude[1:] *= 2
     counts = {
@@ -195,7 +183,6 @@ def dominant_harmonics(place, claim, *, groups, rise):
     "exact",
 )
 def high_harmonics_decay(place, claim, *, start, end, among):
-    """Whether harmonics of the initial velocity decay the faster the higher they are."""
     t, velocity = place["exact"]["t"], place["exact"]["velocity"]
     size = np.abs(np.fft.rfft(velocity[(t >= start) & (t <= end)], axis=1)).max(axis=0)
     initial = np.abs(np.fft.rfft(velocity[0]))
@@ -215,7 +202,6 @@ def high_harmonics_decay(place, claim, *, start, end, among):
     places=(2, 2),
 )
 def doubled(places, claim):
-    """Whether a sampling has twice the snapshots and twice the range of another."""
     counts, ranges = [], []
     for place in places:
         times = place["snapshots"]["velocity_time"]
@@ -232,7 +218,6 @@ def doubled(places, claim):
     "pod",
 )
 def modes_miss_harmonics(place, claim, *, harmonics, rise):
-    """Whether the leading modes span something else than the harmonics of the initial velocity."""
     waves = sines(place["pod"]["x"], harmonics)
     cosines = np.linalg.svd(waves @ place["pod"]["velocity_modes"][:harmonics].T)[1]
     angle = float(np.arcsin(np.sqrt(max(0.0, 1 - cosines.min() ** 2))))
@@ -245,7 +230,6 @@ def modes_miss_harmonics(place, claim, *, harmonics, rise):
     "pod",
 )
 def pure_modes(place, claim, *, modes, similar, among):
-    """Whether the first modes are pure harmonics, and most of the later ones are not."""
     largest = shares(place["pod"]["velocity_modes"][:among]).max(axis=1)
     later = largest[modes:]
     holds = largest[:modes].min() >= similar and np.count_nonzero(later < similar) > later.size / 2
@@ -272,7 +256,6 @@ def density_groups(place, claim, *, size, groups, within, between):
 
 @criterion("POD error ≥ SPH error in v or ρ at k = {modes}", "errors", "sweep")
 def fails_with(place, claim, *, modes):
-    """Whether so many modes of each field are too few."""
     ratio = float(ratios(place)[place["sweep"]["mode_count"] == modes][0])
     return Finding(ratio >= 1, f"{ratio:.3g} times the SPH error")
 
@@ -284,7 +267,6 @@ def fails_with(place, claim, *, modes):
     places=(2, 2),
 )
 def aligned_only_there(places, claim, *, harmonics, similar):
-    """Whether modes are aligned with harmonics in one sampling and not in another."""
     first, second = (
         np.abs(
             sines(place["pod"]["x"], harmonics) @ place["pod"]["velocity_modes"][:harmonics].T
@@ -316,7 +298,6 @@ def modes_are_mixed(place, claim, *, harmonics):
     "snapshots",
 )
 def nearly_diagonal(place, claim, *, harmonics, spread):
-    """Whether rows of C are almost orthogonal, so that U is nearly diagonal."""
     course = CubicSpline(place["exact"]["t"], place["exact"]["velocity"])
     velocity = course(place["snapshots"]["velocity_time"])
     rows = sines(place["exact"]["x"], harmonics) @ velocity.T
@@ -337,7 +318,6 @@ def nearly_diagonal(place, claim, *, harmonics, spread):
     places=(2, 2),
 )
 def decays_faster(places, claim, *, modes, factor, mode_counts):
-    """Whether singular values decay faster than elsewhere, and errors are larger."""
     parts, errors = [], []
     for place in places:
         values = place["pod"]["velocity_singular_values"]
@@ -357,7 +337,6 @@ def decays_faster(places, claim, *, modes, factor, mode_counts):
     "pod",
 )
 def both_drop(place, claim, *, after, similar, drop, among):
-    """Whether singular values of both fields fall most steeply behind one number."""
     holds, parts = True, []
     for field in FIELDS:
         # The first of the density is its mean.
@@ -382,7 +361,6 @@ def both_drop(place, claim, *, after, similar, drop, among):
     places=(1, math.inf),
 )
 def errors_fall(places, claim):
-    """Whether errors fall with every mode; where modes are near rounding, nothing is asked."""
     rises = 0
     worst, checked = 1.0, 0
     for place in places:
@@ -404,7 +382,6 @@ def errors_fall(places, claim):
     "sweep",
 )
 def error_step(place, claim, *, after, among):
-    """Where errors fall most steeply."""
     counts = place["sweep"]["mode_count"]
     parts, holds = [], True
     for field in FIELDS:
@@ -428,7 +405,6 @@ def error_step(place, claim, *, after, among):
     places=(2, math.inf),
 )
 def better_on_average(places, claim, *, begin):
-    """Whether samplings have smaller errors than another."""
     *others, base = places
     means = []
     for place in others:
@@ -444,7 +420,6 @@ def better_on_average(places, claim, *, begin):
     places=(2, math.inf),
 )
 def alike_at_every_k(places, claim, *, factor):
-    """Whether samplings have errors like another's."""
     *others, base = places
     parts = np.concatenate(
         [_from(place, field, 1) / _from(base, field, 1) for place in others for field in FIELDS]
@@ -465,7 +440,6 @@ def _from(place: Place, field: str, begin: int) -> np.ndarray:
     places=(2, math.inf),
 )
 def need_more_modes(places, claim):
-    """Whether one place after another needs more modes."""
     counts = [comparison.works_from(place["sweep"], place["errors"]) for place in places]
     holds = all(a and b and a < b for a, b in itertools.pairwise(counts))
     return Finding(holds, ", ".join(str(count or "none") for count in counts))
@@ -477,7 +451,6 @@ def need_more_modes(places, claim):
     places=(2, math.inf),
 )
 def linearized_improves(places, claim, *, modes):
-    """Whether linearizing the density costs less from place to place."""
     found = [
         pod_error(place, "velocity", "linearized", modes)
         / pod_error(place, "velocity", "original", modes)
@@ -496,7 +469,6 @@ def linearized_improves(places, claim, *, modes):
     places=(1, math.inf),
 )
 def freezing_negligible(places, claim, *, spread):
-    """Whether freezing coefficients adds to the error."""
     worst, where = -np.inf, ""
     for place in places:
         study = place["acceleration"]
@@ -518,7 +490,6 @@ def freezing_negligible(places, claim, *, spread):
     places=(2, 2),
 )
 def freezing_adds_more(places, claim, *, modes, factor):
-    """Whether freezing adds more error at one place than at another."""
     added = []
     for place in places:
         shortest, *_, longest = frozen(place["acceleration"])
@@ -535,7 +506,6 @@ def freezing_adds_more(places, claim, *, modes, factor):
     places=(1, math.inf),
 )
 def more_modes_help(places, claim):
-    """Whether every model of a study has smaller errors with more modes."""
     least = np.inf
     for place in places:
         study = place["acceleration"]
@@ -556,7 +526,6 @@ def more_modes_help(places, claim):
     places=(1, math.inf),
 )
 def cpu_time_rises_little(places, claim, *, factor):
-    """Whether more modes cost little more time."""
     rises: dict[str, list[float]] = {}
     for times in map(median_times, places):
         counts = sorted({count for _, count in times if count})
@@ -572,7 +541,6 @@ def cpu_time_rises_little(places, claim, *, factor):
     places=(1, math.inf),
 )
 def frozen_is_cheaper(places, claim, *, factor):
-    """Whether freezing for one step saves time already, or costs no more than so much."""
     found = [
         times["frozen1", count] / times["original", count]
         for times in map(median_times, places)

@@ -73,7 +73,7 @@ class Variable(NamedTuple):
 
 
 ENTRY = re.compile(
-    r"(?P<name>\w+) \((?P<dims>[\w, ]*)\)(?: \[(?P<units>[^]]+)\])?(?: (?P<integer>int\d+))?"
+    r"(?P<name>\w+) \((?P<dims>[\w, ]*)\)(?: \[(?P<units>[^]]*)\])?(?: (?P<integer>int\d+))?"
     r"(?: along (?P<coordinates>\w+))?: (?P<meaning>.+)"
 )
 
@@ -82,7 +82,8 @@ def meanings(table: str) -> dict[str, Variable]:
     """Variables by name, as a table says what they mean, a line each.
 
     A line is ``name (dimensions) [unit] type along coordinates: meaning``, and goes on in lines
-    that are further in. Text has no unit; the type is float64 where none is given.
+    that are further in. Text has no unit, numbers of different ones have []; the type is float64
+    where none is given.
 
     Raises
     ------
@@ -99,7 +100,7 @@ def meanings(table: str) -> dict[str, Variable]:
             tuple(re.findall(r"\w+", entry["dims"])),
             entry["units"] or "",
             entry["meaning"],
-            number if entry["units"] else str,
+            str if entry["units"] is None else number,
             entry["coordinates"] or "",
         )
     return found

@@ -4,13 +4,13 @@ The bounds are those of `sphpod.reduced.error_bound`, which knows nothing of the
 solution.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from sphpod.full import lifted
-from sphpod.numerics.error import FIELDS, blocks, share
+from sphpod.numerics.error import FIELDS, Arrays, blocks, share
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.error_bound import FullModel, error_bounds
 from sphpod.reduced.sweep import failed, sweep
@@ -18,11 +18,7 @@ from sphpod.scene.scene import Scene
 
 
 def certify(
-    scene: Scene,
-    mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    full: Mapping[str, np.ndarray],
-    reference: Mapping[str, np.ndarray],
+    scene: Scene, mode_counts: Iterable[int], modes: Arrays, full: Arrays, reference: Arrays
 ) -> dict[str, np.ndarray]:
     """Errors of ``lifted_exact`` beside their bounds; its coordinates for a single mode count.
 
@@ -34,14 +30,11 @@ def certify(
     Returns
     -------
     dict
-        mode_count; velocity_error_reference, density_error_reference; against the lifted full
-        model velocity_error_lifted, strain_error_lifted, relative in the norms of kinetic and of
-        elastic energy over all times; and of the largest energy norm over time: the largest error
-        energy_error_lifted, its bound energy_error_bound, the bound residual_bound of the residual
-        alone, and difference_from_best, how far the model is from the one with all modes of the
-        snapshots, and bound_slack, the smallest difference of bound and error over time;
-        breakdown_time; modes_resolved, as from `lifted_rom.modes_resolved`. For a single count also
-        t, scaled_velocity_coordinates, scaled_strain_coordinates and error_bound (times,).
+        By mode_count, as `dataset.VARIABLES` describes them: {field}_error_reference;
+        velocity_error_lifted and strain_error_lifted, relative in the norms of kinetic and of
+        elastic energy over all times; energy_error_lifted, energy_error_bound, residual_bound,
+        difference_from_best and bound_slack; breakdown_time and modes_resolved. For a single count
+        also t, scaled_velocity_coordinates, scaled_strain_coordinates and error_bound (times,).
     """
     counts = list(mode_counts)
     velocity: Seen
@@ -90,9 +83,7 @@ def certify(
     return arrays | {"modes_resolved": lifted_rom.modes_resolved(modes, counts)}
 
 
-def choose(
-    scene: Scene, tolerance: float, modes: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
+def choose(scene: Scene, tolerance: float, modes: Arrays) -> dict[str, np.ndarray]:
     """The smallest ``lifted_exact`` model within a tolerance of the best that the snapshots give.
 
     Both are held against the largest energy norm of the best model over time. Where the bound,
@@ -100,7 +91,6 @@ def choose(
 
     Parameters
     ----------
-    scene : Scene
     tolerance : float
         Relative.
     modes : dict
@@ -143,7 +133,7 @@ def choose(
     }
 
 
-def verdict(chosen: Mapping[str, np.ndarray]) -> str:
+def verdict(chosen: Arrays) -> str:
     """What `choose` found, in words."""
     bound, tolerance = chosen["energy_error_bound"][0], chosen["tolerance"]
     relation = "within" if chosen["certified"] else "not within"
@@ -176,7 +166,7 @@ class Best:
     norm: float
 
     @classmethod
-    def of(cls, scene: Scene, modes: Mapping[str, np.ndarray]) -> "Best":
+    def of(cls, scene: Scene, modes: Arrays) -> "Best":
         model = lifted_rom.build(scene, modes)
         velocity, strain = model.prepare("lifted_exact").solve().coordinates()
         return cls(model, velocity, strain, float(model.lengths(velocity, strain).max()))

@@ -105,7 +105,6 @@ class FullModel:
 
     Attributes
     ----------
-    scene : Scene
     operator : scipy.sparse array, shape (2N, 2N)
         𝓐 [1/s].
     start : array, shape (2N,)

@@ -11,11 +11,9 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted
-from sphpod.numerics.error import FIELDS
+from sphpod.numerics.error import FIELDS, Arrays
 from sphpod.reduced import lifted_rom, pod
 from sphpod.scene.scene import Scene
-
-Arrays = Mapping[str, np.ndarray]
 
 
 def decompose(snapshots: Sequence[Arrays]) -> dict[str, np.ndarray]:
@@ -46,7 +44,6 @@ def decompose_lifted(
 
     Parameters
     ----------
-    scene : Scene
     snapshots : sequence of dicts
         Of each sampling, as in `lifted_rom.decompose`.
     sources : dicts

@@ -22,7 +22,7 @@ Long: modes, model and its run share the model's own modes.
 """
 
 import logging
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Self
@@ -31,7 +31,7 @@ import numpy as np
 
 from sphpod.full import lifted
 from sphpod.numerics import propagator
-from sphpod.numerics.error import FIELDS, blocks, share
+from sphpod.numerics.error import FIELDS, Arrays, blocks, share
 from sphpod.numerics.propagator import Jumps
 from sphpod.reduced import reduced_in_time
 from sphpod.reduced.pod import Modes, checked, named, resolved
@@ -50,12 +50,11 @@ ILL_CONDITIONED = 1e6
 """Condition number of eigenvectors from which a model is carried as one block."""
 
 
-def decompose(scene: Scene, snapshots: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def decompose(scene: Scene, snapshots: Arrays) -> dict[str, np.ndarray]:
     """Energy-orthonormal modes of velocity and strain snapshots.
 
     Parameters
     ----------
-    scene : Scene
     snapshots : dict
         velocity_snapshots (n, N) [m/s]; density_snapshots (m, N) [kg/m³] or strain_snapshots; and
         velocity_twins, density_twins or strain_twins of the same shapes, where there are
@@ -139,7 +138,7 @@ def _modes(snapshots, twins, removed=0.0):
     return Modes(*(array[:rank] for array in found))
 
 
-def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np.ndarray:
+def modes_resolved(modes: Arrays, counts: Iterable[int]) -> np.ndarray:
     """Whether models with so many modes depend on them to more than rounding (`pod.resolved`).
 
     Parameters are those of `build`; array, shape (counts,).
@@ -152,10 +151,7 @@ def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np
 
 
 def build(
-    scene: Scene,
-    modes: Mapping[str, np.ndarray],
-    count: int | None = None,
-    level: int = logging.WARNING,
+    scene: Scene, modes: Arrays, count: int | None = None, level: int = logging.WARNING
 ) -> "LiftedModel":
     """Model with so many velocity modes, and a strain mode for each wave.
 
@@ -163,7 +159,6 @@ def build(
 
     Parameters
     ----------
-    scene : Scene
     modes : dict
         As from `decompose`.
     count : int, optional
@@ -190,7 +185,6 @@ class LiftedModel:
 
     Attributes
     ----------
-    scene : Scene
     velocity_modes, strain_modes : arrays, shapes (kv, N) and (ke, N)
         Orthonormal modes of the scaled fields, one a row.
     translation : int
@@ -328,7 +322,6 @@ class OwnModes:
     ----------
     blocks : array, shape (n, 2, 2) or (1, s, s)
         As in `propagator.prepare` [1/s].
-    singles : int
     to_modes : array, shape (kv + ke, coordinates)
         Own coordinates to those in the modes of velocity and strain.
     orthogonal : bool
@@ -433,8 +426,6 @@ class LiftedRun(ReducedRun):
 
     Attributes
     ----------
-    reduced : LiftedModel
-    method : str
     jumps : Jumps, or Steps where coefficients change with time
     begun : array, shape (coordinates,)
         Own coordinates at t = 0.
@@ -545,11 +536,7 @@ class LiftedRun(ReducedRun):
 
 
 def repeat_sph(
-    scene: Scene,
-    mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    full: Mapping[str, np.ndarray],
-    reference: Mapping[str, np.ndarray],
+    scene: Scene, mode_counts: Iterable[int], modes: Arrays, full: Arrays, reference: Arrays
 ) -> dict[str, np.ndarray]:
     """Errors of ``lifted_euler`` for several mode counts; its coordinates, if it is only one.
 
@@ -572,14 +559,14 @@ def repeat_sph(
 
 
 def prepare_each(
-    scene: Scene, mode_counts: Sequence[int], modes: Mapping[str, np.ndarray], method: str
+    scene: Scene, mode_counts: Sequence[int], modes: Arrays, method: str
 ) -> Iterator[LiftedRun]:
     """A run for each mode count."""
     for count in mode_counts:
         yield build(scene, modes, count, report_level(mode_counts)).prepare(method)
 
 
-def field_errors(run: Run, solution: Mapping[str, np.ndarray]) -> dict[str, float]:
+def field_errors(run: Run, solution: Arrays) -> dict[str, float]:
     """Relative errors of velocity and density (section 3.1) against a solution (times, N).
 
     The fields are reconstructed a few outputs at a time.

@@ -5,13 +5,13 @@ within the span of equal ones they rotate freely. How far is measured, by a seco
 snapshots that are rounded differently, with rows and columns in the reverse order.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from sphpod.numerics.error import FIELDS
+from sphpod.numerics.error import FIELDS, Arrays
 
 ROUNDING_LEVEL = 1e-2
 """Modes or spans of modes that rounding turns by more than this (a sine) are not resolved."""
@@ -141,7 +141,7 @@ def resolved(counts: Iterable[int], span_rounding: np.ndarray) -> np.ndarray:
     return np.concatenate([[0.0], span_rounding])[np.maximum(kept, 0)] <= ROUNDING_LEVEL
 
 
-def decompose(snapshots: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def decompose(snapshots: Arrays) -> dict[str, np.ndarray]:
     """Modes and singular values of velocity and of density snapshots.
 
     Parameters

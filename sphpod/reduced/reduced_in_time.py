@@ -62,7 +62,6 @@ class Terms:
 
     Attributes
     ----------
-    scene : Scene
     coupling, metric : arrays, shapes (terms, kv, ke) and (terms, ke, ke)
         Of B and S, by the terms of the modulus.
     damping : array, shape (terms, kv, kv)
@@ -151,7 +150,6 @@ class Steps:
 
     Attributes
     ----------
-    terms : Terms
     euler : bool
         Whether steps are those of explicit Euler.
     time_error : float

@@ -19,7 +19,7 @@ Long, as the kernels of all forms of the model stand beside each other.
 
 import logging
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import groupby, islice
 from typing import Any, Self
@@ -28,7 +28,7 @@ import numpy as np
 
 from sphpod.full.sph import SOUND, UNCHANGING, Changes, change
 from sphpod.numerics.compiled import compiled, compiled_sums
-from sphpod.numerics.error import FIELDS, blocks, project_solution
+from sphpod.numerics.error import FIELDS, Arrays, blocks, project_solution
 from sphpod.reduced.pod import resolved
 from sphpod.reduced.sweep import ReducedRun, failed, report_level
 from sphpod.reduced.sweep import sweep as repeat
@@ -80,7 +80,6 @@ class ReducedModel:
 
     Attributes
     ----------
-    scene : Scene
     method : str
         original, linearized, frozen1, frozen2, …
     velocity_modes, density_modes : arrays, shapes (kv, N) and (kρ, N)
@@ -267,7 +266,6 @@ class GalerkinRun(ReducedRun):
 
     Attributes
     ----------
-    reduced : ReducedModel
     steps : int array, shape (times,)
     march : callable
         Fills a state.
@@ -367,17 +365,15 @@ def sweep(
     scene: Scene,
     method: str,
     mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    sph: Mapping[str, np.ndarray],
-    reference: Mapping[str, np.ndarray],
+    modes: Arrays,
+    sph: Arrays,
+    reference: Arrays,
     level: int | None = None,
 ) -> dict[str, np.ndarray]:
     """Errors of a reduced model for several mode counts; its coordinates, if it is only one.
 
     Parameters
     ----------
-    scene : Scene
-    method : str
     mode_counts : ints
         Modes for velocity and density each, or all there are.
     modes : dict
@@ -424,9 +420,9 @@ def sweep_pair(
     scene: Scene,
     method: str,
     mode_counts: Sequence[int],
-    modes: Mapping[str, np.ndarray],
-    sph: Mapping[str, np.ndarray],
-    reference: Mapping[str, np.ndarray],
+    modes: Arrays,
+    sph: Arrays,
+    reference: Arrays,
 ) -> dict[str, np.ndarray]:
     """Errors and coordinates of a reduced model with other numbers of modes for v than for ρ.
 
@@ -503,17 +499,12 @@ def acceleration_contenders(n_freeze: Iterable[int]) -> list[str]:
 
 
 def accelerate(
-    scene: Scene,
-    n_freeze: Iterable[int],
-    mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    sph: Mapping[str, np.ndarray],
+    scene: Scene, n_freeze: Iterable[int], mode_counts: Iterable[int], modes: Arrays, sph: Arrays
 ) -> dict[str, np.ndarray]:
     """Errors of an acceleration study: original, linearized and frozen models against full SPH.
 
     Parameters
     ----------
-    scene : Scene
     n_freeze, mode_counts : ints
     modes, sph : dict
         As in ``sweep``.
@@ -542,7 +533,7 @@ def accelerate(
     } | {f"acceleration_{field}_error": errors[field] for field in FIELDS}
 
 
-def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np.ndarray:
+def modes_resolved(modes: Arrays, counts: Iterable[int]) -> np.ndarray:
     """Whether models with so many modes depend on them to more than rounding (`pod.resolved`).
 
     Parameters
@@ -562,11 +553,7 @@ def modes_resolved(modes: Mapping[str, np.ndarray], counts: Iterable[int]) -> np
 
 
 def model(
-    scene: Scene,
-    method: str,
-    modes: Mapping[str, np.ndarray],
-    count: int,
-    level: int = logging.WARNING,
+    scene: Scene, method: str, modes: Arrays, count: int, level: int = logging.WARNING
 ) -> ReducedModel:
     """Model with so many modes for velocity and density each, or all, as the log reports."""
     check_ends(scene)
@@ -580,9 +567,7 @@ def model(
     return galerkin(scene, method, modes, count)
 
 
-def galerkin(
-    scene: Scene, method: str, modes: Mapping[str, np.ndarray], count: int
-) -> ReducedModel:
+def galerkin(scene: Scene, method: str, modes: Arrays, count: int) -> ReducedModel:
     """The same, of which nothing is reported."""
     return ReducedModel(scene, method, *(modes[f"{field}_modes"][:count] for field in FIELDS))
 

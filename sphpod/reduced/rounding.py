@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import sph
-from sphpod.numerics.error import FIELDS
+from sphpod.numerics.error import FIELDS, Arrays
 from sphpod.reduced.snapshots import extract, sampling_steps
 from sphpod.scene.scene import Scene
 
 
-def sampled(
-    scene: Scene, sampling: Mapping[str, Any], solution: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
+def sampled(scene: Scene, sampling: Mapping[str, Any], solution: Arrays) -> dict[str, np.ndarray]:
     """Snapshots of full SPH, and the same of a run that starts one unit in the last place beside.
 
     Parameters and arrays are those of `snapshots.extract`, with a solution at all its times, and
@@ -33,7 +31,6 @@ def twins(scene: Scene, sampling: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         As in `snapshots.sampling_steps`.
 

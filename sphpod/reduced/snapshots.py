@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.numerics.error import FIELDS
+from sphpod.numerics.error import FIELDS, Arrays
 from sphpod.scene.scene import Scene, whole_steps
 
 
@@ -21,7 +21,6 @@ def sampling_steps(scene: Scene, sampling: Mapping[str, Any]) -> tuple[np.ndarra
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         ``range`` and ``count``, with a ``seed`` for random steps; or ``velocity_times`` and
         ``density_times``.
@@ -67,14 +66,11 @@ def output_steps(scene: Scene, samplings: Iterable[Mapping[str, Any]]) -> np.nda
     return np.unique(np.concatenate(wanted))
 
 
-def extract(
-    scene: Scene, sampling: Mapping[str, Any], solution: Mapping[str, np.ndarray]
-) -> dict[str, np.ndarray]:
+def extract(scene: Scene, sampling: Mapping[str, Any], solution: Arrays) -> dict[str, np.ndarray]:
     """Take the snapshots of a sampling out of a full solution.
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         As in ``sampling_steps``.
     solution : dict
@@ -122,7 +118,6 @@ def own(scene: Scene, sampling: Mapping[str, Any]) -> dict[str, np.ndarray]:
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         ``from``, the file: velocity_snapshots (n, N) [m/s] and density_snapshots (m, N) [kg/m³]
         with velocity_time (n,) and density_time (m,) [s]; or velocity and density (n, N) with t.

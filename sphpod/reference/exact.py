@@ -71,10 +71,6 @@ FEW = 64
 def kind(scene: Scene) -> str | None:
     """Which exact solution a scene has.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     "dalembert", "fourier", "two_layer" or None
@@ -124,10 +120,6 @@ def layers(scene: Scene) -> list[tuple[float, str]]:
 
 def solve(scene: Scene) -> dict[str, np.ndarray]:
     """Exact solution at the particles and the times of the error integral.
-
-    Parameters
-    ----------
-    scene : Scene
 
     Returns
     -------

@@ -86,7 +86,6 @@ def solve_centred(scene: Scene, estimate_error: bool = True) -> dict[str, np.nda
 
     Parameters
     ----------
-    scene : Scene
     estimate_error : bool
         Whether to solve on the two coarser grids too, and to estimate the error.
 

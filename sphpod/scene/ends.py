@@ -134,8 +134,6 @@ class Mirrored(Expression):
 
     Parameters
     ----------
-    expression : Expression
-    ends : Ends
     spacing : float
         Δx [m].
     odd : str

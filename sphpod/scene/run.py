@@ -22,7 +22,6 @@ class Run(ABC):
 
     Attributes
     ----------
-    scene : Scene
     name : str
         What messages call the model.
     times : array, shape (outputs,)

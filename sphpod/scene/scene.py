@@ -677,7 +677,6 @@ def step_times(time_step: float, steps: np.ndarray, parts: int = 1) -> np.ndarra
         Δt [s].
     steps : int array
         Numbers n of time steps, or of so many parts of one.
-    parts : int
     """
     decimal = Fraction(repr(float(time_step)))
     simple = decimal.limit_denominator(10**6)

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sphpod.full import lifted, sph
-from sphpod.numerics.error import FIELDS, project
+from sphpod.numerics.error import FIELDS, Arrays, project
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom, pod
 from sphpod.reduced.rom import galerkin
@@ -99,7 +99,6 @@ def study(
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         As `snapshots.sampling_steps` takes it.
     mode_count : int
@@ -111,12 +110,8 @@ def study(
     Returns
     -------
     dict
-        amplitude, factors of v0, and smallest_jacobian of full SPH (amplitudes,);
-        folding_amplitude of full SPH and lifted_folding_amplitude of the lifted full model;
-        contender (contenders,); scaled_velocity_error and scaled_density_error, relative L2 errors,
-        and scaled_breakdown_time [s], NaN where nothing broke down (contenders, amplitudes). Errors
-        are NaN of full models and where the full model that is the reference broke down, infinite
-        where the reduced model did.
+        contender (contenders,), and what `STUDY` describes. Errors are NaN of full models and where
+        the full model that is the reference broke down, infinite where the reduced model did.
 
     Raises
     ------
@@ -155,7 +150,7 @@ def study(
     }
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """A study as a table, a row a contender and amplitude."""
     folding = float(arrays["folding_amplitude"])
     for row, name in enumerate(arrays["contender"]):
@@ -183,7 +178,6 @@ def folding_amplitude(scene: Scene, steps: np.ndarray) -> float:
 
     Parameters
     ----------
-    scene : Scene
     steps : int array
         Steps after which the Jacobian is looked at.
 

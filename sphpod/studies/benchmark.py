@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from sphpod.full import lifted, sph
 from sphpod.numerics import timing
-from sphpod.numerics.error import FIELDS, relative_error
+from sphpod.numerics.error import FIELDS, Arrays, relative_error
 from sphpod.reduced import lifted_rom, pod, snapshots
 from sphpod.reduced.rom import acceleration_contenders, freeze_steps, galerkin, modes_resolved
 from sphpod.reduced.sweep import ReducedRun
@@ -51,8 +51,6 @@ class Contender:
 
     Attributes
     ----------
-    method, integrator : str
-    run : Run
     modes, n_freeze : int
         0 where there are none.
     tolerance : float
@@ -89,15 +87,14 @@ def compare(
     scene: Scene,
     sampling: Mapping[str, Any],
     study: Mapping[str, Sequence[int]],
-    taken: Mapping[str, np.ndarray],
-    full: Mapping[str, np.ndarray],
+    taken: Arrays,
+    full: Arrays,
     repeats: int,
 ) -> dict[str, np.ndarray]:
     """CPU times and errors of all contenders of a study.
 
     Parameters
     ----------
-    scene : Scene
     sampling : dict
         As in `snapshots.sampling_steps`.
     study : dict
@@ -106,17 +103,13 @@ def compare(
         velocity_snapshots, density_snapshots of the sampling.
     full : dict
         velocity and density (times, N) of full SPH.
-    repeats : int
 
     Returns
     -------
     dict
-        One entry a contender: contender, integrator, contender_mode_count,
-        contender_modes_resolved, n_freeze, contender_particle_count, contender_time_step [s],
-        contender_tolerance; cpu_seconds and reconstruction_seconds (contenders, repeats) [s];
-        {field}_error_full and {field}_error_exact (the first NaN for other particles, the second
-        against centred differences where no exact solution is known); offline_seconds
-        (contenders, 3) [s]: of snapshots, modes and projection.
+        One entry a contender, as `dataset.VARIABLES` describes it: contender, contender_…,
+        integrator, n_freeze, cpu_seconds, reconstruction_seconds, {field}_error_full,
+        {field}_error_exact and offline_seconds.
     """
     buffers = timing.Buffers()
     offline = _offline(scene, sampling, taken, repeats)
@@ -124,7 +117,7 @@ def compare(
     for contender in contenders:
         buffers.shared(contender.run)
     reconstructed = np.zeros((2, scene.error_times.size, scene.particle_count))
-    references: dict[int, Mapping[str, np.ndarray]] = {}
+    references: dict[int, Arrays] = {}
     errors = np.full((2, 2, len(contenders)), np.nan)
     numbers = []
     for n, contender in enumerate(contenders):
@@ -182,12 +175,7 @@ def _offline(scene, sampling, taken, repeats):
     steps = np.union1d(*snapshots.sampling_steps(scene, sampling))
     run = sph.prepare(scene, steps, "stencil").run()
     seconds = timing.measure(
-        [
-            run.run,
-            lambda: pod.decompose(taken),
-            lambda: lifted_rom.decompose(scene, taken),
-        ],
-        repeats,
+        [run.run, lambda: pod.decompose(taken), lambda: lifted_rom.decompose(scene, taken)], repeats
     )
     of_snapshots, euclidean, energy = np.median(seconds, axis=1)
     return lambda method: (of_snapshots, energy if method.startswith("lifted") else euclidean)
@@ -291,9 +279,7 @@ def _lifted_model(scene, method, count, modes):
     )
 
 
-def rows(
-    place: Mapping[str, str], measured: Mapping[str, np.ndarray], settings: Mapping[str, Any]
-) -> dict[str, Any]:
+def rows(place: Mapping[str, str], measured: Arrays, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Columns of the benchmark's table, a row a contender.
 
     Speed-ups are ratios of medians: against full SPH with neighbour lists and with one stencil;

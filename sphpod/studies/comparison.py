@@ -5,9 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.numerics.error import FIELDS
-
-Arrays = Mapping[str, np.ndarray]
+from sphpod.numerics.error import FIELDS, Arrays
 
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4)
 """Relative tolerances that are tried on every sampling."""

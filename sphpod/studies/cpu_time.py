@@ -7,6 +7,7 @@ import numpy as np
 
 from sphpod.full import sph
 from sphpod.numerics import timing
+from sphpod.numerics.error import Arrays
 from sphpod.reduced.rom import acceleration_contenders, freeze_steps, galerkin
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import Dataset, Study, accelerated
@@ -21,17 +22,12 @@ PLACES = 2
 
 
 def compare(
-    scene: Scene,
-    modes: Mapping[str, np.ndarray],
-    mode_counts: Sequence[int],
-    n_freeze: Sequence[int],
-    repeats: int,
+    scene: Scene, modes: Arrays, mode_counts: Sequence[int], n_freeze: Sequence[int], repeats: int
 ) -> dict[str, np.ndarray]:
     """CPU time of full SPH, with neighbour lists and with one stencil, and of the reduced models.
 
     Parameters
     ----------
-    scene : Scene
     modes : dict
         velocity_modes, density_modes (one a row).
     mode_counts, n_freeze : ints
@@ -62,10 +58,7 @@ def compare(
 
 
 def turns(
-    scene: Scene,
-    modes: Mapping[str, np.ndarray],
-    contenders: Sequence[tuple[str, int]],
-    process: int,
+    scene: Scene, modes: Arrays, contenders: Sequence[tuple[str, int]], process: int
 ) -> np.ndarray:
     """CPU time [s] of contenders (name, mode count) in one process, (contenders, `PLACES`)."""
 
@@ -86,9 +79,7 @@ def turns(
     return np.hstack(seconds)
 
 
-def rows(
-    place: Mapping[str, str], measured: Mapping[str, np.ndarray], settings: Mapping[str, Any]
-) -> dict[str, Any]:
+def rows(place: Mapping[str, str], measured: Arrays, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Median CPU time of each contender, its spread, and what it saves against each baseline.
 
     Returns

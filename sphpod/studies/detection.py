@@ -15,6 +15,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics import timing
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import meanings
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import EVEN, Dataset, Study, scenes
@@ -39,7 +40,6 @@ def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
     ----------
     scene : Scene
         Of evenly spaced particles.
-    repeats : int
 
     Returns
     -------
@@ -94,7 +94,7 @@ def _integrators(scene):
     return [*lifted.FIXED_STEP, *(["exact"] if lifted.is_uniform(scene) else [])]
 
 
-def rows(place: Mapping[str, Any], measured: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], measured: Arrays) -> Iterator[dict[str, Any]]:
     """Part of each model's time that watching takes, median and quartiles, a row a model."""
     for n, name in enumerate(measured["contender"]):
         watched, unwatched = measured["cpu_seconds"][n], measured["unwatched_seconds"][n]

@@ -21,6 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sphpod.full import energy, lifted
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import certificate, lifted_rom
 from sphpod.scene import waves
@@ -102,7 +103,7 @@ def study(scene: Scene) -> dict[str, np.ndarray]:
     }
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """The checks of a scene, a row each: holds, fails or, without limit, reported."""
     names = ("check", "check_model", "check_value", "check_limit")
     for what, model, value, limit in zip(*(arrays[name] for name in names), strict=True):
@@ -142,9 +143,7 @@ def work(scene: Scene, integrator: str, time_step: float) -> np.ndarray:
     return np.concatenate([[0.0], np.cumsum(reach @ added)])
 
 
-def full(
-    scene: Scene, integrator: str, time_step: float, solution: Mapping[str, np.ndarray]
-) -> Iterator[Check]:
+def full(scene: Scene, integrator: str, time_step: float, solution: Arrays) -> Iterator[Check]:
     """Checks of a solution of the lifted full model."""
     model = f"lifted full, {integrator}"
     kept = energy.kept(scene, integrator, time_step, solution["velocity"], solution["strain"])
@@ -171,7 +170,7 @@ def full(
     yield _squeezing(model, solution["strain"])
 
 
-def reduced(scene: Scene, solution: Mapping[str, np.ndarray]) -> Iterator[Check]:
+def reduced(scene: Scene, solution: Arrays) -> Iterator[Check]:
     """Checks of a lifted reduced model from snapshots of the exact lifted full model."""
     every = max(1, (len(solution["t"]) - 1) // SNAPSHOTS)
     taken = slice(0, len(solution["t"]) - 1, every)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import energy, lifted, sph
-from sphpod.numerics.error import blocks, share
+from sphpod.numerics.error import Arrays, blocks, share
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced.lifted_rom import LiftedModel
 from sphpod.scene.scene import Scene
@@ -48,7 +48,6 @@ class Waves:
 
     Attributes
     ----------
-    scene : Scene
     frequencies : array, shape (N,)
         ω_j [1/s], falling.
     start : complex array, shape (N,)
@@ -126,13 +125,9 @@ def measure(
     Returns
     -------
     dict
-        horizon; predicted_energy_growth and measured_energy_growth, energy at the end of that at
-        the start, NaN if full SPH broke down; predicted_breakdown_time and
-        measured_breakdown_time, the first of `OUTPUTS` times at which a Jacobian is not positive,
-        NaN if never; each (horizons,). Full SPH steps the density, which compression alone cannot
-        make negative as it can the linear strain, so it breaks down a few e-folds of the fastest
-        wave apart from what is predicted. conserving; energy_time_step, NaN if exact; energy_drift;
-        each (integrators,). energy_horizon.
+        As `STUDY` describes it; a breakdown is looked for at `OUTPUTS` times. Full SPH steps the
+        density, which compression alone cannot make negative as it can the linear strain, so it
+        breaks down a few e-folds of the fastest wave apart from what is predicted.
 
     Raises
     ------
@@ -218,7 +213,7 @@ def drift(
     return step, share(np.abs(kept - kept[0]).max(), kept[0])
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Rows of a table: one for each horizon of explicit Euler, one for each conserved energy."""
     for n, horizon in enumerate(arrays["horizon"]):
         numbers = {

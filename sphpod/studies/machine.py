@@ -18,7 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from sphpod.full import lifted, sph
-from sphpod.numerics.error import FIELDS
+from sphpod.numerics.error import FIELDS, Arrays
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom, pod
 from sphpod.scene.scene import Scene
@@ -38,12 +38,11 @@ Result = TypeVar("Result")
 THREAD_SETTINGS = ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS")
 
 
-def compare(scene: Scene, taken: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+def compare(scene: Scene, taken: Arrays) -> dict[str, np.ndarray]:
     """Differences between one BLAS thread and as many as cores, and between one core and all.
 
     Parameters
     ----------
-    scene : Scene
     taken : dict
         x (N,), velocity_snapshots (n, N), density_snapshots (m, N).
 
@@ -67,7 +66,7 @@ def compare(scene: Scene, taken: Mapping[str, np.ndarray]) -> dict[str, np.ndarr
     }
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """The quantities of a scene, a row each, with a verdict."""
     names = ("quantity", "thread_difference", "core_difference")
     for quantity, threads, cores in zip(*(arrays[name] for name in names), strict=True):
@@ -82,7 +81,7 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
         }
 
 
-def compute(scene: Scene, taken: Mapping[str, np.ndarray]) -> dict[str, list[np.ndarray]]:
+def compute(scene: Scene, taken: Arrays) -> dict[str, list[np.ndarray]]:
     """Fields of every full model at a few outputs, and modes of the snapshots.
 
     Parameters are those of `compare`.

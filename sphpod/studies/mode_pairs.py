@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sphpod.numerics.error import FIELDS, project_solution
+from sphpod.numerics.error import FIELDS, Arrays, project_solution
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced.pod import resolved
 from sphpod.reduced.rom import ReducedModel, prepare_each
@@ -15,8 +15,6 @@ from sphpod.studies.study import WITHOUT_FREE_ENDS, Dataset, Drawing, Setting, S
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Arrays = Mapping[str, np.ndarray]
-
 
 def measure(
     scene: Scene, largest: int, modes: Arrays, sph: Arrays, errors: Arrays
@@ -25,7 +23,6 @@ def measure(
 
     Parameters
     ----------
-    scene : Scene
     largest : int
         Largest number of modes of either field, or all there are.
     modes : dict
@@ -40,9 +37,7 @@ def measure(
     Returns
     -------
     dict
-        velocity_modes_kept (kv,), density_modes_kept (kρ,); pair_velocity_ratio and
-        pair_density_ratio (kv, kρ), infinite where the model broke down; pair_resolved (kv, kρ),
-        whether rounding leaves the modes as they are.
+        As `STUDY` describes it; ratios are infinite where the model broke down.
     """
     rows = [modes[f"{field}_modes"][:largest] for field in FIELDS]
     projected = project_solution(sph, modes, largest)

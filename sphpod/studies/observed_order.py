@@ -18,13 +18,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sphpod.full import lifted, sph
-from sphpod.numerics.error import FIELDS, relative_error
+from sphpod.numerics.error import FIELDS, Arrays, relative_error
 from sphpod.pipeline.dataset import meanings
 from sphpod.reference import exact, reference
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
 from sphpod.scene.waves import fastest_wave
 from sphpod.studies.study import EVEN, Dataset, Drawing, Setting, Study, scenes
+from sphpod.studies.time_steps import run_pair
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -56,8 +57,6 @@ WORDS = {
 }
 """Models and integrators in figures."""
 
-Fields = Mapping[str, np.ndarray]
-
 
 def study(scene: Scene, levels: int) -> dict[str, np.ndarray]:
     """Errors and observed orders under refinement in time and in space.
@@ -72,10 +71,8 @@ def study(scene: Scene, levels: int) -> dict[str, np.ndarray]:
     Returns
     -------
     dict
-        Names refined_model, refined_integrator, refinement and refined_against, shape (refined,);
-        refined_time_step [s] and refined_spacing [m], NaN where it stays or the model is exact in
-        time, and velocity and density errors, shape (refined, level), NaN where a solution broke
-        down; and observed orders, shape (refined, halving), NaN where an error may be rounding.
+        As `STUDY` describes it. A step or spacing is NaN where it stays or the model is exact in
+        time, an error where a solution broke down, an order where an error may be rounding.
     """
     scene = _shortened(scene)
     found = [*_in_time(scene, levels), *_in_space(scene, levels)]
@@ -97,7 +94,7 @@ def orders(errors: np.ndarray) -> np.ndarray:
     return np.where(errors[..., 1:] > ROUNDING, found, np.nan)
 
 
-def rows(place: Mapping[str, Any], arrays: Fields) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """A row for each refined model and level, with the order from the level before."""
     for n, model in enumerate(arrays["refined_model"]):
         for level, time_step in enumerate(arrays["refined_time_step"][n]):
@@ -140,7 +137,7 @@ def _in_time(scene, levels):
         yield label, (steps, nothing), np.transpose(errors)
 
 
-def _integrators(scene) -> Iterator[tuple[str, str, Callable[[float], Fields]]]:
+def _integrators(scene) -> Iterator[tuple[str, str, Callable[[float], Arrays]]]:
     def full_sph(step):
         case = replace(scene, time_step=step)
         return sph.solve(case, case.error_steps)
@@ -153,21 +150,10 @@ def _integrators(scene) -> Iterator[tuple[str, str, Callable[[float], Fields]]]:
 
 
 def _pair(scene, integrator, step):
-    """One of scipy's pairs, held to fixed steps by an infinite tolerance."""
-    from scipy import integrate
-
-    count = scene.particle_count
-    begin = np.concatenate([scene.velocity0(), np.zeros(count)])
-    solver = getattr(integrate, integrator.upper())(
-        lifted.rates(scene), 0, begin, np.inf, first_step=step, max_step=step, atol=np.inf
-    )
-    states = [begin]
+    begin = np.concatenate([scene.velocity0(), np.zeros(scene.particle_count)])
     stride = round(scene.error_interval / step)
-    for _ in scene.error_times[1:]:
-        for _ in range(stride):
-            solver.step()
-        states.append(solver.y)
-    velocity, strain = np.split(np.array(states), 2, axis=1)
+    states = run_pair(scene, integrator, begin, step, stride, scene.error_times.size - 1)
+    velocity, strain = np.split(states, 2, axis=1)
     return {"velocity": velocity, "strain": strain}
 
 
@@ -243,7 +229,7 @@ def _errors(found, right):
     return [relative_error(found[field], right[field]) for field in FIELDS]
 
 
-def draw(tables: Mapping[tuple[str, ...], Fields]) -> "Figure":
+def draw(tables: Mapping[tuple[str, ...], Arrays]) -> "Figure":
     """Draw observed orders, of the two finest levels whose errors are known, a marker a scene.
 
     Parameters

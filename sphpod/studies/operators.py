@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import energy, lifted
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.lifted_rom import LiftedModel
@@ -99,17 +100,12 @@ def conditioned_rate(operator: np.ndarray) -> Spectrum:
 
 
 def of_samplings(
-    scene: Scene,
-    mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    energy_modes: Mapping[str, np.ndarray],
-    snapshots: Mapping[str, np.ndarray],
+    scene: Scene, mode_counts: Iterable[int], modes: Arrays, energy_modes: Arrays, snapshots: Arrays
 ) -> dict[str, np.ndarray]:
     """Growth rates of the paper's and of lifted reduced models on POD modes.
 
     Parameters
     ----------
-    scene : Scene
     mode_counts : ints
         Modes for velocity and density each, or all there are.
     modes, energy_modes : dict
@@ -120,11 +116,9 @@ def of_samplings(
     Returns
     -------
     dict
-        mode_count; modes_resolved, of both kinds of modes; euclidean_growth_rate, of the
-        original and of the frozen model about the initial density as the density modes hold it, the
-        larger; frozen_growth_rate, with coefficients of the snapshots' densities, the largest;
-        euclidean_rounding and frozen_rounding, how far rounding may have moved them;
-        energy_growth_rate and operator_size of the lifted model; each (counts,) [1/s].
+        mode_count; modes_resolved, of both kinds of modes; and what `STUDY` describes of each mode
+        count. euclidean_growth_rate is the larger one of the original and of the frozen model about
+        the initial density as the density modes hold it.
     """
     counts = list(mode_counts)
     found = []
@@ -160,17 +154,14 @@ def of_random_bases(scene: Scene, count: int, seed: int) -> dict[str, np.ndarray
 
     Parameters
     ----------
-    scene : Scene
     count : int
         How many bases; each has up to `RANDOM_MODES` modes of velocity, and as many or not of
         density or strain.
-    seed : int
 
     Returns
     -------
     dict
-        basis_mode_count, modes of velocity and of density together; random_euclidean_growth_rate,
-        random_energy_growth_rate, random_operator_size; each (bases,) [1/s].
+        What `STUDY` describes of bases; modes of velocity and of density are counted together.
     """
     rng = np.random.default_rng(seed)
     density0 = scene.density0()
@@ -210,13 +201,11 @@ def example(scene: Scene, seed: int) -> dict[str, np.ndarray]:
     ----------
     scene : Scene
         Undamped and unforced; ρ0 or c vary.
-    seed : int
 
     Returns
     -------
     dict
-        t (times,); paper_energy, lifted_energy (times,) [J/m²], the former NaN from its breakdown
-        on; example_growth_rate [1/s], of the paper's operator at rest; example_time_step [s].
+        As from `long_run`; example_growth_rate and example_time_step, as `STUDY` describes them.
     """
     rng = np.random.default_rng(seed)
     models = [_random_model(scene, rng) for _ in range(EXAMPLE_DRAWS)]
@@ -239,11 +228,7 @@ def example(scene: Scene, seed: int) -> dict[str, np.ndarray]:
 
 
 def long_run(
-    scene: Scene,
-    mode_count: int,
-    modes: Mapping[str, np.ndarray],
-    energy_modes: Mapping[str, np.ndarray],
-    horizon: float,
+    scene: Scene, mode_count: int, modes: Arrays, energy_modes: Arrays, horizon: float
 ) -> dict[str, np.ndarray]:
     """Energies of the original and of the lifted model in POD modes, over a long time.
 
@@ -302,7 +287,7 @@ def _random_model(scene, rng):
     return ReducedModel(scene, "original", *rows)
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Rows of a table, one for each number of modes."""
     for n, count in enumerate(arrays["mode_count"]):
         counted = ("mode_count", "modes_resolved")
@@ -311,7 +296,7 @@ def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator
         yield {**place, "modes": int(count), "modes_resolved": resolved, **numbers}
 
 
-def random_rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> list[dict[str, Any]]:
+def random_rows(place: Mapping[str, Any], arrays: Arrays) -> list[dict[str, Any]]:
     """The row of a table for the random bases of a scene, the worst of each number.
 
     Returns

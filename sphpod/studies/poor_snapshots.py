@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted, sph
-from sphpod.numerics.error import FIELDS, blocks, share
+from sphpod.numerics.error import FIELDS, Arrays, blocks, share
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import error_bound, lifted_rom, pod
 from sphpod.reduced.rom import galerkin
 from sphpod.scene.scene import Scene
 from sphpod.studies.study import STEADY, Dataset, Drawing, Study
-
-Arrays = Mapping[str, np.ndarray]
 
 EARLY = 0.01
 """Part of the duration within which snapshots that are too early lie."""
@@ -51,7 +49,6 @@ def study(
 
     Parameters
     ----------
-    scene : Scene
     taken : dict
         velocity_snapshots (n, N) [m/s] and density_snapshots (m, N) [kg/m³] without a defect.
     full : dict
@@ -67,11 +64,9 @@ def study(
     Returns
     -------
     dict
-        noise, noise_error, noise_bound, noise_original_error (levels,); defect, defect_mode_count
-        asked for, defect_rank, the velocity modes that the snapshots hold, defect_error,
-        defect_bound and defect_outcome, which is "within its bound", "beyond its bound" or the
-        sentence that refused the snapshots or reported the breakdown (defects,). Errors and bounds
-        are NaN of what was refused and infinite of what broke down; a refused rank is 0.
+        As `STUDY` describes it. An outcome is "within its bound", "beyond its bound" or the
+        sentence that refused the snapshots or reported the breakdown. Errors and bounds are NaN of
+        what was refused and infinite of what broke down; a refused rank is 0.
     """
     rng = np.random.default_rng(seed)
     sph_fields = sph.solve(scene, scene.error_steps)

@@ -15,6 +15,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics import timing
+from sphpod.numerics.error import Arrays
 from sphpod.reduced import lifted_rom
 from sphpod.reduced.rom import ReducedModel
 from sphpod.reference import exact
@@ -46,12 +47,10 @@ def measure(
 
     Parameters
     ----------
-    scene : Scene
     particle_counts : ints
         N of full models, and of reduced ones with `MODE_COUNT` modes.
     mode_counts : ints
         k of reduced models of the scene's own particles.
-    repeats : int
 
     Returns
     -------
@@ -137,7 +136,7 @@ def _waves(count: int, modes: int) -> Iterator[np.ndarray]:
         yield row / np.linalg.norm(row)
 
 
-def draw(scalings: Mapping[tuple[str, ...], Mapping[str, np.ndarray]]) -> "Figure":
+def draw(scalings: Mapping[tuple[str, ...], Arrays]) -> "Figure":
     """Draw what `measure` gives of the one place, the scene whose steps are timed."""
     from sphpod.figures import benchmark_plots
 

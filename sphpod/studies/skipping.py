@@ -12,6 +12,7 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics import timing
+from sphpod.numerics.error import Arrays
 from sphpod.numerics.expressions import Expression
 from sphpod.numerics.separation import Products
 from sphpod.reduced import lifted_rom
@@ -72,7 +73,6 @@ def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
     ----------
     scene : Scene
         Undamped and unforced, with uniform material, and an exact solution.
-    repeats : int
 
     Returns
     -------
@@ -182,9 +182,7 @@ def _of_surveys(scene: Scene, plain: Callable[[], object]) -> list[Pair]:
     ]
 
 
-def rows(
-    place: Mapping[str, str], measured: Mapping[str, np.ndarray], settings: Mapping[str, Any]
-) -> dict[str, Any]:
+def rows(place: Mapping[str, str], measured: Arrays, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Median times without and with what a scene may lack, their spread, and the median ratio.
 
     The ratio is taken turn by turn, so that it does not drift with the machine's speed.

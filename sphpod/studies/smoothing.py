@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted, sph
-from sphpod.numerics.error import FIELDS, relative_error
+from sphpod.numerics.error import FIELDS, Arrays, relative_error
 from sphpod.pipeline.dataset import meanings
 from sphpod.scene.kernel import derivative_coefficient, dispersion_coefficient, neighbour_count
 from sphpod.scene.scene import Scene
@@ -24,11 +24,9 @@ THINNING = 10
 """Only each of so many samples of the error integral is taken, which changes errors by far less
 than 1 %."""
 
-Arrays = Mapping[str, np.ndarray]
-
 
 def study(
-    scene: Scene, smoothing_ratios: Iterable[float], reference: Mapping[str, np.ndarray]
+    scene: Scene, smoothing_ratios: Iterable[float], reference: Arrays
 ) -> dict[str, np.ndarray]:
     """Full SPH of a scene with one smoothing length after another.
 
@@ -44,10 +42,7 @@ def study(
     Returns
     -------
     dict
-        smoothing_ratio; derivative_coefficient β, dispersion_coefficient κ, neighbour_count on each
-        side; stable_time_step [s], of leapfrog without damping; smoothing_velocity_error and
-        smoothing_density_error, NaN where the run broke down; each (ratios,); and
-        scene_smoothing_ratio, the scene's own.
+        As `STUDY` describes it; errors are NaN where the run broke down.
     """
     ratios = list(smoothing_ratios)
     others = [replace(scene, smoothing_ratio=ratio) for ratio in ratios]

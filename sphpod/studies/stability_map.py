@@ -4,11 +4,12 @@ All waves are seeded at random, so that a map shows what a run does that knows n
 the boundary that `sphpod.stability.spectrum` predicts is drawn beside it.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.numerics.expressions import Expression
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom
@@ -19,7 +20,6 @@ from sphpod.stability.spectrum import euler_limits, frequencies, splitting_limit
 from sphpod.studies.study import STEADY, Dataset, Drawing, Study
 from sphpod.studies.time_steps import (
     SEED,
-    Arrays,
     blur,
     late_growth,
     march_full,
@@ -45,16 +45,13 @@ def of_damping(scene: Scene, size: int = 25) -> Arrays:
 
     Parameters
     ----------
-    scene : Scene
     size : int
         Dampings and time steps.
 
     Returns
     -------
     dict
-        map_integrator (2,); map_damping (dampings,) [1/s], map_time_step (steps,) [s]; map_growth
-        (2, dampings, steps), the logarithm of the growth of the amplitude in a step; map_limit
-        (2, dampings) [s].
+        Arrays map_…, as `STUDY` describes them.
     """
     frequency = frequencies(scene)
     fastest = frequency[0]
@@ -83,11 +80,7 @@ def of_damping(scene: Scene, size: int = 25) -> Arrays:
 
 
 def of_modes(
-    scene: Scene,
-    mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    energy_modes: Mapping[str, np.ndarray],
-    size: int = 25,
+    scene: Scene, mode_counts: Iterable[int], modes: Arrays, energy_modes: Arrays, size: int = 25
 ) -> Arrays:
     """Growth of reduced models over mode count and time step, beside the predicted limit.
 
@@ -103,9 +96,8 @@ def of_modes(
     Returns
     -------
     dict
-        contender (original, lifted_euler); mode_count (counts,); map_time_step (steps,) [s];
-        mode_growth (2, counts, steps), the logarithm of the growth of the amplitude in a step;
-        mode_limit (2, counts) [s].
+        contender (original, lifted_euler), mode_count, map_time_step, mode_growth and mode_limit,
+        as `STUDY` describes them.
     """
     counts, rng = list(mode_counts), np.random.default_rng(0)
     limits, fastest = np.empty((2, len(counts))), np.empty(len(counts))

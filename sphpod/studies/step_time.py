@@ -7,6 +7,7 @@ import numpy as np
 
 from sphpod.full import sph
 from sphpod.numerics import timing
+from sphpod.numerics.error import Arrays
 from sphpod.scene.scene import Scene, derivative_matrix
 from sphpod.studies.study import Dataset, Study, step_scene
 
@@ -34,9 +35,7 @@ def compare(scene: Scene, repeats: int, step_count: int = 2000) -> dict[str, np.
     }
 
 
-def rows(
-    place: Mapping[str, str], measured: Mapping[str, np.ndarray], settings: Mapping[str, Any]
-) -> dict[str, Any]:
+def rows(place: Mapping[str, str], measured: Arrays, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Median time of a step [s], its spread, and how many times faster than the sparse loop it is.
 
     Returns

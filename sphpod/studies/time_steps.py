@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted, sph
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import meanings
 from sphpod.reduced import lifted_rom, rom
 from sphpod.scene.scene import Scene
@@ -27,8 +28,6 @@ from sphpod.stability.spectrum import (
     neutral,
 )
 from sphpod.studies.study import WITHOUT_FREE_ENDS, Dataset, Drawing, Study, samplings, scenes
-
-Arrays = dict[str, np.ndarray]
 
 March = Callable[[np.ndarray, float, int, int], np.ndarray]
 """``march(state, time_step, stride, outputs)``: states after every ``stride`` steps, the first one
@@ -95,25 +94,27 @@ def march_full(scene: Scene, integrator: str, paper: bool = False) -> March:
             velocity, strain = lifted.prepare(case, integrator, start=start).run(watch=False).state
         return np.concatenate([velocity, strain], axis=1)
 
-    def run_pair(state, time_step, stride, outputs):
-        from scipy import integrate
-
-        solver = getattr(integrate, integrator.upper())(
-            lifted.rates(scene), 0, state, np.inf, first_step=time_step, max_step=time_step,
-            atol=np.inf,
-        )  # fmt: skip
-        states = [state]
-        for _ in range(outputs):
-            for _ in range(stride):
-                solver.step()
-            states.append(solver.y)
-        return np.array(states)
-
     def march(state, time_step, stride, outputs):
-        run = run_pair if integrator in lifted.ADAPTIVE else run_fixed
+        run = partial(run_pair, scene, integrator) if integrator in lifted.ADAPTIVE else run_fixed
         return run(state / scales, time_step, stride, outputs) * scales
 
     return odd(march) if paper else march
+
+
+def run_pair(scene, integrator, state, time_step, stride, outputs):
+    """States (outputs + 1, 2 N) of one of scipy's pairs, held to steps by an infinite tolerance."""
+    from scipy import integrate
+
+    solver = getattr(integrate, integrator.upper())(
+        lifted.rates(scene), 0, state, np.inf, first_step=time_step, max_step=time_step,
+        atol=np.inf,
+    )  # fmt: skip
+    states = [state]
+    for _ in range(outputs):
+        for _ in range(stride):
+            solver.step()
+        states.append(solver.y)
+    return np.array(states)
 
 
 def march_galerkin(model: rom.ReducedModel) -> March:
@@ -193,7 +194,6 @@ def growth(march: March, seed: np.ndarray, time_step: float, steps: int) -> floa
         Both phases are run.
     time_step : float
         Δt [s].
-    steps : int
     """
     phases = [phase for phase in (seed.real, seed.imag) if phase.any()]
     ends = np.array([march(phase, time_step, steps, 1)[-1] for phase in phases])
@@ -227,7 +227,6 @@ class Contender:
 
     Attributes
     ----------
-    name, integrator : str
     mode_count : int
         0 for a full model.
     march : callable
@@ -300,17 +299,12 @@ def _small(scene, seed, velocity, strain):
 def full(scene: Scene) -> Arrays:
     """Predicted and measured limits of the full models.
 
-    Parameters
-    ----------
-    scene : Scene
-
     Returns
     -------
     dict
-        Arrays (contenders,): contender (sph, lifted_full), integrator, contender_mode_count (0);
-        predicted_time_step and measured_time_step [s], infinite for exact jumps, NaN where every
-        step grows; there, predicted_growth_rate and measured_growth_rate [1/s] at
-        contender_time_step [s], else NaN.
+        contender (sph, lifted_full), integrator and contender_mode_count (0), (contenders,), and
+        what `STUDY` describes. Time steps are infinite for exact jumps; where every step grows,
+        growth rates are those at contender_time_step [s].
     """
     spectrum = FullSpectrum(scene)
     scales = np.concatenate(lifted.energy_weights(scene))
@@ -339,16 +333,12 @@ def full(scene: Scene) -> Arrays:
 
 
 def reduced(
-    scene: Scene,
-    mode_counts: Iterable[int],
-    modes: Mapping[str, np.ndarray],
-    energy_modes: Mapping[str, np.ndarray],
+    scene: Scene, mode_counts: Iterable[int], modes: Arrays, energy_modes: Arrays
 ) -> Arrays:
     """Predicted and measured limits of reduced models: original, frozen10 and the lifted ones.
 
     Parameters
     ----------
-    scene : Scene
     mode_counts : ints
         Modes for each field, or all there are.
     modes : dict
@@ -424,7 +414,7 @@ def _arrays(results):
     return {name: np.array([row[name] for row in results]) for name in results[0]}
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Each limit or growth rate of `full` or `reduced` as a row of a table."""
     for n, contender in enumerate(arrays["contender"]):
         grows = not np.isnan(arrays["predicted_growth_rate"][n])

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import sph
-from sphpod.numerics.error import FIELDS, relative_error
+from sphpod.numerics.error import FIELDS, Arrays, relative_error
 from sphpod.pipeline.dataset import meanings
 from sphpod.reference import exact, reference
 from sphpod.scene.scene import Scene
@@ -25,15 +25,13 @@ def measure(scene: Scene, runs: Mapping[str, Mapping[str, float]]) -> dict[str, 
 
     Parameters
     ----------
-    scene : Scene
     runs : dict
         particle_count, smoothing_ratio or time_step [s] of each variant, by its name.
 
     Returns
     -------
     dict
-        variant, the scene's own first; variant_particle_count, variant_smoothing_ratio,
-        variant_velocity_error and variant_density_error, each (variants,).
+        As `STUDY` describes it, the scene's own first.
 
     Raises
     ------
@@ -65,7 +63,7 @@ def _errors(scene):
     return [relative_error(found[field], known[field]) for field in FIELDS]
 
 
-def rows(place: Mapping[str, Any], arrays: Mapping[str, np.ndarray]) -> Iterator[dict[str, Any]]:
+def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
     """Rows of a table, one a variant."""
     for n, name in enumerate(arrays["variant"]):
         yield {

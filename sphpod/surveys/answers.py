@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.pipeline.dataset import Variable
+from sphpod.numerics.error import Arrays
+from sphpod.pipeline.dataset import Variable, meanings
 from sphpod.surveys import samples
 from sphpod.surveys.folds import check_folds
 from sphpod.surveys.parts import Operators
@@ -21,16 +22,14 @@ REPORTED = 1000
 ENDS = {"": "", "_low": "least that the bound allows: ", "_high": "largest that the bound allows: "}
 """What is added to the name of a quantity and to its meaning, for value and interval."""
 
-OF_QUERY = {
-    "relative_bound": Variable(
-        ("query",), "1", "bound of the largest energy norm of the error, of the largest norm"
-    ),
-    "relative_estimate": Variable(
-        ("query",), "1", "difference from the model of all modes, of the largest norm"
-    ),
-    "certified": Variable(("query",), "1", "1 where the bound is within the tolerance", np.int8),
-    "reason": Variable(("query",), "", "why there is no answer, empty where there is one", str),
-}
+OF_QUERY = meanings(
+    """
+    relative_bound (query) [1]: bound of the largest energy norm of the error, of the largest norm
+    relative_estimate (query) [1]: difference from the model of all modes, of the largest norm
+    certified (query) [1] int8: 1 where the bound is within the tolerance
+    reason (query): why there is no answer, empty where there is one
+    """
+)
 
 
 def variables(asked: Mapping[str, Question], parameters: Mapping[str, Any]) -> dict[str, Variable]:
@@ -53,7 +52,6 @@ def answer_all(
 
     Parameters
     ----------
-    survey : Survey
     asked : dict
     points : array, shape (queries, parameters)
     tolerance : float
@@ -120,7 +118,7 @@ def chunk_points(survey: Mapping[str, Any], ranges: samples.Ranges, chunk: int) 
 
 
 def joined(
-    survey: Mapping[str, Any], ranges: samples.Ranges, chunks: Iterable[Mapping[str, np.ndarray]]
+    survey: Mapping[str, Any], ranges: samples.Ranges, chunks: Iterable[Arrays]
 ) -> dict[str, np.ndarray]:
     """All chunks together, of which one alone is held beside what is joined."""
     every: dict[str, np.ndarray] = {}

@@ -18,7 +18,8 @@ import numpy as np
 
 from sphpod.full import lifted, sph
 from sphpod.numerics import timing
-from sphpod.pipeline.dataset import Variable
+from sphpod.numerics.error import Arrays
+from sphpod.pipeline.dataset import meanings
 from sphpod.scene import waves
 from sphpod.scene.scene import Scene
 from sphpod.surveys import even, samples, training, unbounded
@@ -38,19 +39,15 @@ AT_ONCE = 1000
 SHORTEST = 0.02
 """Seconds that a timed run lasts at least; a shorter one is repeated until it does."""
 
-VARIABLES = {
-    "query_error": Variable(
-        ("contender_index",), "1", "largest relative error of the queries, as true_error"
-    ),
-    "query_seconds": Variable(("contender_index", "repeat"), "s", "CPU time of a query"),
-    "training_seconds": Variable(("repeat",), "s", "CPU time of all training runs and modes"),
-    "break_even": Variable(
-        ("contender_index",), "1", "queries from which the reduced model with bounds costs less"
-    ),
-    "break_even_unbounded": Variable(
-        ("contender_index",), "1", "the same of the reduced model without bounds"
-    ),
-}
+VARIABLES = meanings(
+    """
+    query_error (contender_index) [1]: largest relative error of the queries, as true_error
+    query_seconds (contender_index, repeat) [s]: CPU time of a query
+    training_seconds (repeat) [s]: CPU time of all training runs and modes
+    break_even (contender_index) [1]: queries from which the reduced model with bounds costs less
+    break_even_unbounded (contender_index) [1]: the same of the reduced model without bounds
+    """
+)
 
 Fields = tuple[np.ndarray, np.ndarray]
 
@@ -61,10 +58,8 @@ class Contender:
 
     Attributes
     ----------
-    name, integrator : str
     answer : callable
         Answers all queries, from values of parameters or from prepared models to quantities.
-    error : float
     modes : int
         0 of a full model.
     time_step : float
@@ -87,7 +82,6 @@ class Task:
 
     Parameters
     ----------
-    operators : Operators
     asked : dict
     points : sequence of dicts
         Parameters of the queries.
@@ -123,12 +117,11 @@ class Task:
 
 
 def measure(
-    name: str,
-    settings: Mapping[str, Any],
-    survey: Mapping[str, Any],
-    model: Mapping[str, np.ndarray],
+    name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], model: Arrays
 ) -> dict[str, np.ndarray]:
-    """Time of a query by each contender, and of the training, in turns.
+    """What a query of a survey costs, by full and by reduced models.
+
+    Each contender answers, and the training is done, in turns.
 
     Parameters
     ----------

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.pipeline.dataset import Variable
+from sphpod.pipeline.dataset import Variable, meanings
 from sphpod.scene.breakdown import Breakdown
 from sphpod.surveys import samples, training, unbounded, validation
 from sphpod.surveys.answers import answer_all, of_settings
@@ -41,27 +41,18 @@ MOST_EVALUATIONS = 200
 MARGIN = 0.1
 """Part of what a model is off by at the last optimum, by which it then keeps away from a level."""
 
-_OF_EVALUATION = ("evaluation",)
-VARIABLES = {
-    "round": Variable(("query",), "1", "times that the model had been trained once more", np.int32),
-    "holds": Variable(
-        ("query",), "1", "1 where the full run keeps to all levels of the design", np.int8
-    ),
-    "verdict": Variable(("query",), "", "what the full run says of the optimum", str),
-    "designed": Variable(
-        ("designed_index",), "", "what is sought, and then what keeps to levels", str
-    ),
-    "evaluation_round": Variable(_OF_EVALUATION, "1", "round of a query of the search", np.int32),
-    "evaluation_point": Variable(
-        ("evaluation", "parameter_index"), "", "values of its parameters, in SI units"
-    ),
-    "evaluation_value": Variable(
-        ("evaluation", "designed_index"), "", "values of what is designed, in SI units"
-    ),
-    "evaluation_excess": Variable(
-        _OF_EVALUATION, "1", "largest excess over a level, of the spread over the queries"
-    ),
-}
+VARIABLES = meanings(
+    """
+    round (query) [1] int32: times that the model had been trained once more
+    holds (query) [1] int8: 1 where the full run keeps to all levels of the design
+    verdict (query): what the full run says of the optimum
+    designed (designed_index): what is sought, and then what keeps to levels
+    evaluation_round (evaluation) [1] int32: round of a query of the search
+    evaluation_point (evaluation, parameter_index) []: values of its parameters, in SI units
+    evaluation_value (evaluation, designed_index) []: values of what is designed, in SI units
+    evaluation_excess (evaluation) [1]: largest excess over a level, of the spread over the queries
+    """
+)
 
 
 def full_variables(asked: Mapping[str, Question]) -> dict[str, Variable]:
@@ -81,7 +72,6 @@ class Search:
     ranges : dict
     keys : dict
         The design in the configuration.
-    goal : Goal
 
     Attributes
     ----------
@@ -209,7 +199,9 @@ def design(
     answers: Arrays,
     runs: Iterable[Arrays] = (),
 ) -> dict[str, np.ndarray]:
-    """The optimum of each round, by the reduced model and in full; the last one is the answer.
+    """Optima of a survey, and their full runs.
+
+    There is one of each round, by the reduced model and in full; the last one is the answer.
 
     Parameters
     ----------

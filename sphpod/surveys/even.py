@@ -71,12 +71,7 @@ class Waves:
         state = np.zeros((2, len(spectra), modes, times))
         state[0, 0, :, 0] = 1
         propagator.prepare(
-            pairs.reshape(-1, 2, 2),
-            0,
-            pushed,
-            scene.error_interval,
-            times,
-            courses,
+            pairs.reshape(-1, 2, 2), 0, pushed, scene.error_interval, times, courses
         ).run(state.reshape(-1, times))
         shapes = np.array([spectrum[:, None] * self.shapes for spectrum in spectra])
         velocity, strain = (

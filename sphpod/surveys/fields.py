@@ -5,10 +5,11 @@ from functools import cached_property
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.numerics.expressions import Expression
 from sphpod.surveys.terms import separate
 
-Values = Mapping[str, float] | Mapping[str, np.ndarray]
+Values = Mapping[str, float] | Arrays
 """Parameters of a query, or of many, (queries,) each."""
 
 Sample = Callable[[Callable[..., np.ndarray]], np.ndarray]
@@ -31,10 +32,8 @@ class ParametricField:
 
     Parameters
     ----------
-    text : str
     parameters : names of the μ
     constants : further names and their values
-    sample : Sample
 
     Attributes
     ----------

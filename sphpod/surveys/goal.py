@@ -11,10 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.surveys.questions import VARIES
 from sphpod.surveys.samples import Ranges
-
-Arrays = Mapping[str, np.ndarray]
 
 SLACK = 1e-6
 """Part of a spread by which a level may be passed: no search ends upon it exactly."""

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import Variable
 from sphpod.surveys import cost, design, responses, samples, sensitivity, training, validation
 from sphpod.surveys.answers import (
@@ -23,7 +24,6 @@ from sphpod.surveys.parts import Operators
 from sphpod.surveys.questions import questions
 
 Settings = Mapping[str, Any]
-Arrays = Mapping[str, np.ndarray]
 
 
 def training_run(name: str, settings: Settings, survey: Settings, number: int) -> dict:
@@ -51,43 +51,11 @@ def answers(name: str, settings: Settings, survey: Settings, chunks: Iterable[Ar
     return joined(survey, settings["parameters"], chunks)
 
 
-def validated(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
-    """Random queries of a survey, solved in full too."""
-    return validation.validate(name, settings, survey, model)
-
-
-def designed(
-    name: str,
-    settings: Settings,
-    survey: Settings,
-    model: Arrays,
-    answers: Arrays,
-    runs: Iterable[Arrays] = (),
-) -> dict:
-    """Optima of a survey, and their full runs."""
-    return design.design(name, settings, survey, model, answers, runs)
-
-
-def shared_out(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
-    """Sobol indices of the quantities of a survey."""
-    return sensitivity.share_out(name, settings, survey, model)
-
-
-def timed(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
-    """What a query of a survey costs, by full and by reduced models."""
-    return cost.measure(name, settings, survey, model)
-
-
-def sections(name: str, settings: Settings, survey: Settings, model: Arrays) -> dict:
-    """Quantities of a survey along each of its parameters."""
-    return responses.sections(name, settings, survey, model)
-
-
-def surfaces(
-    name: str, settings: Settings, survey: Settings, model: Arrays, sections: Arrays
-) -> dict:
-    """Quantities of a survey over two of its parameters."""
-    return responses.surfaces(name, settings, survey, model, sections)
+validated = validation.validate
+designed = design.design
+shared_out = sensitivity.share_out
+timed = cost.measure
+sections, surfaces = responses.sections, responses.surfaces
 
 
 def meanings(name: str, settings: Settings, survey: Settings) -> dict[str, Variable]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline import dataset
 from sphpod.surveys import samples, unbounded
 from sphpod.surveys.answers import answer_all, of_settings, variables
@@ -23,9 +24,7 @@ class LoadedSurvey:
         Of each parameter its nominal value, range, and scale or distribution.
     """
 
-    def __init__(
-        self, settings: Mapping[str, Any], model: Mapping[str, np.ndarray], path: str = ""
-    ) -> None:
+    def __init__(self, settings: Mapping[str, Any], model: Arrays, path: str = "") -> None:
         self.path = path
         self.ranges: dict[str, Any] = settings["physics"]["parameters"]
         self._tolerance = settings["survey"]["tolerance"]

@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import Variable
 from sphpod.surveys.parts import Operators, Values
 from sphpod.surveys.query import Answer
@@ -38,7 +39,6 @@ class Question:
 
     Parameters
     ----------
-    operators : Operators
     asked : dict
         Its keys in the configuration.
     """
@@ -162,7 +162,7 @@ class Question:
         begun = answer.start_norm**2 / 2
         return begun - energy, begun - high, begun - low
 
-    def of_fields(self, scene: Any, fields: Mapping[str, np.ndarray], energy: np.ndarray) -> Any:
+    def of_fields(self, scene: Any, fields: Arrays, energy: np.ndarray) -> Any:
         """The same of a full solution: velocity and strain (times, N), and energy (times,)."""
         kind = self.asked["kind"]
         if kind in ("energy", "energy_loss"):

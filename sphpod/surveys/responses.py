@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from sphpod.pipeline.dataset import Variable
+from sphpod.numerics.error import Arrays
+from sphpod.pipeline.dataset import meanings
 from sphpod.surveys import samples, unbounded
 from sphpod.surveys.answers import answer_all, of_settings
 
@@ -15,20 +16,17 @@ ALONG = 41
 ACROSS = 15
 """Values of each of two parameters over which they are."""
 
-VARIABLES = {
-    "surface": Variable(
-        ("quantity_index",), "1", "block of queries that the surface of a quantity is", np.int32
-    ),
-}
+VARIABLES = meanings(
+    "surface (quantity_index) [1] int32: block of queries that the surface of a quantity is"
+)
 
 
 def sections(
-    name: str,
-    settings: Mapping[str, Any],
-    survey: Mapping[str, Any],
-    model: Mapping[str, np.ndarray],
+    name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], model: Arrays
 ) -> dict[str, np.ndarray]:
-    """Quantities that are numbers, along each parameter from end to end of its range.
+    """Quantities of a survey along each of its parameters.
+
+    They are those that are numbers, from end to end of a range.
 
     Returns
     -------
@@ -45,10 +43,12 @@ def surfaces(
     name: str,
     settings: Mapping[str, Any],
     survey: Mapping[str, Any],
-    model: Mapping[str, np.ndarray],
-    sections: Mapping[str, np.ndarray],
+    model: Arrays,
+    sections: Arrays,
 ) -> dict[str, np.ndarray]:
-    """The same over the two parameters along which a quantity changes most.
+    """Quantities of a survey over two of its parameters.
+
+    They are those along which a quantity changes most.
 
     Returns
     -------

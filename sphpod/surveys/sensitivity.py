@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
 from sphpod.pipeline.dataset import Variable
 from sphpod.surveys import samples, unbounded
 from sphpod.surveys.answers import of_settings
@@ -31,15 +32,13 @@ VARIABLES = {
 
 
 def share_out(
-    name: str,
-    settings: Mapping[str, Any],
-    survey: Mapping[str, Any],
-    model: Mapping[str, np.ndarray],
+    name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], model: Arrays
 ) -> dict[str, np.ndarray]:
-    """Sobol indices of all quantities that are numbers, with bootstrapped intervals.
+    """Sobol indices of the quantities of a survey.
 
-    Parameters have their distributions, or else are evenly distributed over their ranges, or their
-    logarithms over those.
+    They are those of all quantities that are numbers, with bootstrapped intervals. Parameters have
+    their distributions, or else are evenly distributed over their ranges, or their logarithms over
+    those.
 
     Returns
     -------

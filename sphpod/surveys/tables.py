@@ -1,13 +1,13 @@
 """What a survey found, as rows of tables."""
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
+from sphpod.numerics.error import Arrays
+
 QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
 
-Arrays = Mapping[str, np.ndarray]
 Rows = dict[str, Any]
 
 

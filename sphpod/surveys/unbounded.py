@@ -31,7 +31,6 @@ def answer_all(
 
     Parameters
     ----------
-    survey : Survey
     asked : dict
     points : array, shape (queries, parameters)
 

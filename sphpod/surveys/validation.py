@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 
 from sphpod.full import lifted
-from sphpod.pipeline.dataset import Variable
+from sphpod.numerics.error import Arrays
+from sphpod.pipeline.dataset import meanings
 from sphpod.scene.breakdown import Breakdown
 from sphpod.scene.scene import Scene
 from sphpod.surveys import samples
@@ -20,27 +21,22 @@ logger = logging.getLogger(__name__)
 SEED = 20
 """Of the draw of queries."""
 
-VARIABLES = {
-    "true_error": Variable(
-        ("query",), "1", "largest energy norm of the error over time, of the largest norm"
-    ),
-    "effectivity": Variable(("query",), "1", "bound by true error"),
-    "inside": Variable(
-        ("query",), "1", "1 where all quantities of the full run lie in their intervals", np.int8
-    ),
-}
+VARIABLES = meanings(
+    """
+    true_error (query) [1]: largest energy norm of the error over time, of the largest norm
+    effectivity (query) [1]: bound by true error
+    inside (query) [1] int8: 1 where all quantities of the full run lie in their intervals
+    """
+)
 
 
 def validate(
-    name: str,
-    settings: Mapping[str, Any],
-    survey: Mapping[str, Any],
-    model: Mapping[str, np.ndarray],
+    name: str, settings: Mapping[str, Any], survey: Mapping[str, Any], model: Arrays
 ) -> dict[str, np.ndarray]:
-    """True error, estimate and bound of random queries of the ranges.
+    """Random queries of a survey, solved in full too.
 
-    The error is that of the difference to the lifted full model at the same parameters, exact in
-    time, over the largest energy norm of that; errors of the discretisation are not in it.
+    The true error is that of the difference to the lifted full model at the same parameters, exact
+    in time, over the largest energy norm of that; errors of the discretisation are not in it.
 
     Returns
     -------
@@ -103,9 +99,7 @@ def in_full(
     return scene, full, _norms(scene, full["velocity"], full["strain"])
 
 
-def relative_error(
-    scene: Scene, full: Mapping[str, np.ndarray], velocity: np.ndarray, strain: np.ndarray
-) -> float:
+def relative_error(scene: Scene, full: Arrays, velocity: np.ndarray, strain: np.ndarray) -> float:
     """Largest energy norm over time of the difference to a full run, of the run's largest norm."""
     largest = _norms(scene, full["velocity"], full["strain"]).max()
     wrong = _norms(scene, full["velocity"] - velocity, full["strain"] - strain)

@@ -17,7 +17,7 @@ from sphpod.paper import claims, paper, summary
 from sphpod.reference import exact
 from sphpod.pipeline import provenance, targets
 from sphpod.reduced import snapshots
-from sphpod.config.config import ConfigError, check_modes, distinct_names, load
+from sphpod.config.config import ConfigError, check_modes, distinct_names, known_references, load
 from sphpod.config.mode_counts import parse_modes, parse_pair, parse_tolerance, usual_sweep
 from sphpod.config.reading import typed
 from sphpod.scene.kernel import derivative_coefficient
@@ -501,15 +501,7 @@ def known_scene(wildcards):
 
 def known_reference(wildcards):
     known_scene(wildcards)
-    scene = Scene.from_settings(wildcards.scene, physics(wildcards))
-    exists = exact.kind(scene)
-    kinds = [
-        "fd",
-        "centred",
-        *["chain"] * (scene.is_even and not scene.start),
-        *(["exact"] if exists else []),
-    ]
-    kinds += ["modified"] if exists == "dalembert" else []
+    kinds = known_references(physical(wildcards.scene))
     return known(f"scene {wildcards.scene}: reference", wildcards.kind, kinds)
 
 

@@ -1,68 +1,6 @@
 """Surveys of parameters: training runs, the modes they share, queries in chunks, and what they say."""
 
 
-rule survey_training:
-    output:
-        f"{SURVEY}/training/{{run}}.nc",
-    log:
-        "<logs>/surveys/{survey}/training_{run}.log",
-    wildcard_constraints:
-        run=r"\d+",
-    params:
-        **of_survey("training_run", TRAINED_BY, number="run"),
-    message:
-        "Survey {wildcards.survey}: training run {wildcards.run}"
-    script:
-        "../scripts/survey.py"
-
-
-rule survey_model:
-    input:
-        runs=training_files,
-    output:
-        f"{SURVEY}/model.nc",
-    log:
-        "<logs>/surveys/{survey}/model.log",
-    params:
-        **of_survey("model", ANSWERED_BY),
-    message:
-        "Survey {wildcards.survey}: shared modes"
-    script:
-        "../scripts/survey.py"
-
-
-rule survey_queries:
-    input:
-        model=f"{SURVEY}/model.nc",
-    output:
-        f"{SURVEY}/queries/{{chunk}}.nc",
-    log:
-        "<logs>/surveys/{survey}/queries_{chunk}.log",
-    wildcard_constraints:
-        chunk=r"\d+",
-    params:
-        **of_survey("queries", (*ANSWERED_BY, "queries", "chunk_size"), chunk="chunk"),
-    message:
-        "Survey {wildcards.survey}: queries, chunk {wildcards.chunk}"
-    script:
-        "../scripts/survey.py"
-
-
-rule survey_answers:
-    input:
-        chunks=chunk_files,
-    output:
-        f"{SURVEY}/answers.nc",
-    log:
-        "<logs>/surveys/{survey}/answers.log",
-    params:
-        **of_survey("answers", (*ANSWERED_BY, "queries")),
-    message:
-        "Survey {wildcards.survey}: all queries"
-    script:
-        "../scripts/survey.py"
-
-
 rule survey_validation:
     input:
         model=f"{SURVEY}/model.nc",
@@ -78,7 +16,61 @@ rule survey_validation:
         "../scripts/survey.py"
 
 
-rule survey_design:
+rule survey_training:
+    output:
+        f"{SURVEY}/training/{{run}}.nc",
+    log:
+        "<logs>/surveys/{survey}/training_{run}.log",
+    wildcard_constraints:
+        run=r"\d+",
+    params:
+        **of_survey("training_run", TRAINED_BY, number="run"),
+    message:
+        "Survey {wildcards.survey}: training run {wildcards.run}"
+    script:
+        "../scripts/survey.py"
+
+
+use rule survey_validation as survey_model with:
+    input:
+        runs=training_files,
+    output:
+        f"{SURVEY}/model.nc",
+    log:
+        "<logs>/surveys/{survey}/model.log",
+    params:
+        **of_survey("model", ANSWERED_BY),
+    message:
+        "Survey {wildcards.survey}: shared modes"
+
+
+use rule survey_validation as survey_queries with:
+    output:
+        f"{SURVEY}/queries/{{chunk}}.nc",
+    log:
+        "<logs>/surveys/{survey}/queries_{chunk}.log",
+    wildcard_constraints:
+        chunk=r"\d+",
+    params:
+        **of_survey("queries", (*ANSWERED_BY, "queries", "chunk_size"), chunk="chunk"),
+    message:
+        "Survey {wildcards.survey}: queries, chunk {wildcards.chunk}"
+
+
+use rule survey_validation as survey_answers with:
+    input:
+        chunks=chunk_files,
+    output:
+        f"{SURVEY}/answers.nc",
+    log:
+        "<logs>/surveys/{survey}/answers.log",
+    params:
+        **of_survey("answers", (*ANSWERED_BY, "queries")),
+    message:
+        "Survey {wildcards.survey}: all queries"
+
+
+use rule survey_validation as survey_design with:
     input:
         unpack(design_inputs),
     output:
@@ -89,13 +81,9 @@ rule survey_design:
         **of_survey("designed", (*ANSWERED_BY, "queries", "design")),
     message:
         "Survey {wildcards.survey}: design by optimisation"
-    script:
-        "../scripts/survey.py"
 
 
-rule survey_indices:
-    input:
-        model=f"{SURVEY}/model.nc",
+use rule survey_validation as survey_indices with:
     output:
         f"{SURVEY}/indices.nc",
     log:
@@ -104,13 +92,9 @@ rule survey_indices:
         **of_survey("shared_out", (*ANSWERED_BY, "sobol_samples")),
     message:
         "Survey {wildcards.survey}: Sobol indices"
-    script:
-        "../scripts/survey.py"
 
 
-rule survey_cost:
-    input:
-        model=f"{SURVEY}/model.nc",
+use rule survey_validation as survey_cost with:
     output:
         f"{SURVEY}/cost.nc",
     log:
@@ -122,13 +106,9 @@ rule survey_cost:
         **of_survey("timed", (*ANSWERED_BY, "queries", "cost_repeats"), alone=True),
     message:
         "Survey {wildcards.survey}: costs of queries and of the training"
-    script:
-        "../scripts/survey.py"
 
 
-rule survey_sections:
-    input:
-        model=f"{SURVEY}/model.nc",
+use rule survey_validation as survey_sections with:
     output:
         f"{SURVEY}/sections.nc",
     log:
@@ -137,11 +117,9 @@ rule survey_sections:
         **of_survey("sections", ANSWERED_BY),
     message:
         "Survey {wildcards.survey}: quantities along each parameter"
-    script:
-        "../scripts/survey.py"
 
 
-rule survey_surfaces:
+use rule survey_validation as survey_surfaces with:
     input:
         model=f"{SURVEY}/model.nc",
         sections=f"{SURVEY}/sections.nc",
@@ -153,8 +131,6 @@ rule survey_surfaces:
         **of_survey("surfaces", ANSWERED_BY),
     message:
         "Survey {wildcards.survey}: quantities over two parameters"
-    script:
-        "../scripts/survey.py"
 
 
 rule survey_table:

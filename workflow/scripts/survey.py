@@ -22,7 +22,7 @@ if __name__ == "__main__":
     dataset.write(
         snakemake.output[0],
         function(*of_survey, **inputs, **params.arguments),
-        title=f"{snakemake.wildcards.survey}: {function.__doc__.rstrip('.')}",
+        title=f"{snakemake.wildcards.survey}: {function.__doc__.partition('.')[0]}",
         settings=settings,
         code=params.code,
         job=given,
