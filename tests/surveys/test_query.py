@@ -42,7 +42,7 @@ CASES: dict[str, dict[str, Any]] = {
 def made(case, count=8, training=4, particles=24):
     """Settings of a scene, and its survey; a case by name, or its keys."""
     changes = CASES[case] if isinstance(case, str) else case
-    scene = {**SCENE, **changes, "particle_count": particles}
+    scene = {**SCENE, "error_interval": 0.05, **changes, "particle_count": particles}
     resolved = load([], {"scenes": {"bar": scene}})["scenes"]["bar"]
     points = samples.points(resolved["parameters"], {"count": training})
     cases = [samples.scene_at("bar", resolved, point_of(resolved, one)) for one in points]
