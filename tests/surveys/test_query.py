@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from survey_cases import SCENE
 
@@ -68,7 +69,7 @@ def surveys():
     return {case: made(case) for case in CASES}
 
 
-@settings(max_examples=500)
+@examples(500)
 @given(
     case=st.sampled_from(sorted(CASES)),
     shares=st.tuples(*[st.floats(0, 1)] * 3),
