@@ -337,6 +337,7 @@ def on_grid(solve, name, count):
     return solve(case)["velocity"][:, :: count // 40]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["pulsating", "damper switched on", "travelling force", "all"])
 @pytest.mark.parametrize(
     ("solve", "order"),

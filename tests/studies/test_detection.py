@@ -122,6 +122,7 @@ def test_the_lifted_full_model_does_not_fold_between_outputs(integrator, changes
     lifted.solve(small, integrator)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, {"initial_density": "1 + 0.1*cos(2*pi*x/L)"}])
 @pytest.mark.parametrize("speed", [0.15, 0.45])
 def test_an_interval_of_many_waves_is_looked_at_in_little_memory(changes, speed):
@@ -223,6 +224,7 @@ def test_stretching_to_more_than_twice_the_length_is_no_breakdown():
     assert thin["density"].max() < 0.5
 
 
+@pytest.mark.slow
 def test_watching_costs_little():
     """Of a run that keeps every tenth step; the project's own figure is measured by a study."""
     case = replace(scene(particle_count=200), duration=2.0, time_step=1e-3, error_interval=0.01)

@@ -196,6 +196,7 @@ def test_a_breakdown_is_reported_with_time_and_particle():
         assert row["value"] == np.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [

@@ -81,6 +81,7 @@ def test_full_models_grow_from_the_predicted_step_on(seed, count, ratio, damped,
     np.testing.assert_allclose(differences(time_steps.full(case)), 0, atol=1e-3)
 
 
+@pytest.mark.slow
 @each
 def test_what_is_reported_of_full_models(changes, tmp_path):
     arrays = time_steps.full(scene(particle_count=20, **changes))
