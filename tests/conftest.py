@@ -11,10 +11,23 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 # The same examples in every run, so that a test that fails here fails everywhere.
 settings.register_profile("same", derandomize=True, deadline=None)
-settings.load_profile("same")
+settings.register_profile("quick", settings.get_profile("same"), max_examples=20)
 
 
-def pytest_collection_modifyitems(items):
+def is_quick(config):
+    """Whether `pytest -m "not workflow"` asks for an answer while someone works."""
+    return "not workflow" in config.option.markexpr
+
+
+def pytest_configure(config):
+    settings.load_profile("quick" if is_quick(config) else "same")
+
+
+def pytest_collection_modifyitems(config, items):
+    if is_quick(config):
+        slow = [item for item in items if item.get_closest_marker("slow")]
+        items[:] = [item for item in items if not item.get_closest_marker("slow")]
+        config.hook.pytest_deselected(items=slow)
     # What takes longest goes first, so that both processes end together.
     items.sort(key=lambda item: item.get_closest_marker("workflow") is None)
 

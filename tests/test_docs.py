@@ -459,6 +459,7 @@ def test_every_rule_is_named():
             assert not made or f"`{rule}`" in README, rule
 
 
+@pytest.mark.workflow
 def test_every_rule_has_its_place_in_the_profile():
     profile = yaml.safe_load((ROOT / "profiles/slurm/config.yaml").read_text(encoding="utf-8"))
     run = subprocess.run(

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -241,23 +242,29 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }
 
 
+@cache
+def figure_of(name: str) -> Figure:
+    return FIGURES[name]()
+
+
 def pixels(axes: Axes) -> np.ndarray:
     return np.asarray(axes.images[0].get_array())
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_nothing_overlaps_and_no_panel_is_empty(name: str) -> None:
-    check_layout(FIGURES[name]())
+    check_layout(figure_of(name))
 
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_text_has_print_size(name: str) -> None:
-    figure = FIGURES[name]()
+    figure = figure_of(name)
     assert figure.get_figwidth() == plotting.COLUMN_WIDTH
     assert figure.get_figheight() < 9
     assert {text.get_fontsize() for text in visible_texts(figure)} <= {6, 7, 8, 12}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["profile", "error", "work_precision"])
 def test_same_figure_same_bytes(name: str, tmp_path: Path) -> None:
     for run in "ab":

@@ -291,6 +291,7 @@ def test_nothing_overlaps_and_text_has_print_size(name: str) -> None:
     assert {text.get_fontsize() for text in visible_texts(figure)} <= {6, 7}
 
 
+@pytest.mark.slow
 def test_same_figure_same_bytes(tmp_path) -> None:
     """The map's pictures too, which are drawn in pixels."""
     contents = set()

@@ -6,7 +6,8 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from examples import examples
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scenes import scene
 from scipy.integrate import quad_vec
@@ -68,7 +69,7 @@ def made(text):
         assume(False)
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(trees(LEAVES, *ANALYTIC, *DECIDED), st.floats(0, 2), st.floats(0, 10), st.data())
 def test_real_values_lie_within_their_bounds(text, low, decades, data):
     high = min(low + 10**-decades, 3.0)
@@ -82,7 +83,7 @@ def test_real_values_lie_within_their_bounds(text, low, decades, data):
     assert np.all(values <= bounds.high)
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(
     trees(LEAVES, *ANALYTIC), st.floats(0, 2), st.floats(0, 10), st.floats(0, 1), st.floats(0, 7)
 )
@@ -280,7 +281,7 @@ def response(matrix, push, text, points, end):
     return (vectors @ result[:-1]).real, result[-1].real
 
 
-@settings(max_examples=10)
+@examples(10)
 @given(models(), forces(), st.sampled_from([2, 3, 12, 201]))
 def test_any_force_does_what_quadrature_says(model, force, outputs):
     """It may jump, kink, ring or rest, with outputs coarse or fine."""
@@ -297,7 +298,7 @@ def test_any_force_does_what_quadrature_says(model, force, outputs):
     assert course.missed <= 1e-10 * course.total
 
 
-@settings(max_examples=12)
+@examples(12)
 @given(models(), forces(), forces(), st.sampled_from([2, 12, 201]), st.sampled_from([0, 40]))
 def test_terms_add_up(model, one, other, outputs, euler_steps):
     """Each with its own profile."""
@@ -329,7 +330,7 @@ def test_explicit_euler_sees_a_force_that_begins_behind_a_step_at_the_next():
     np.testing.assert_allclose(found[-1].ravel(), state, rtol=1e-12)
 
 
-@settings(max_examples=12)
+@examples(12)
 @given(models(), forces(), st.sampled_from([2, 3, 21]), st.sampled_from([40, 300]))
 def test_explicit_euler_takes_the_force_of_its_own_steps(model, force, outputs, euler_steps):
     blocks, singles, profile = model

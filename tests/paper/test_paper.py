@@ -73,6 +73,7 @@ def test_there_are_18_errors():
     assert sum(len(printed_errors(name)) for name in PAPER["scenes"]) == 18
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PAPER["scenes"])
 def test_errors_have_the_printed_digits(name):
     _, solution = full(name)

@@ -38,6 +38,7 @@ RUNS = {
 """Functions that rules name, and calls of them."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("root", RUNS)
 def test_all_that_runs_is_in_the_closure(root):
     """Every function of the package that a call enters is one that the digest depends on."""

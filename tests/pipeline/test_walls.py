@@ -7,6 +7,8 @@ import pytest
 from sphpod.pipeline import provenance
 from sphpod.studies.study import studies
 
+pytestmark = pytest.mark.slow
+
 COMPUTED = {
     "full.sph.solve",
     "full.lifted.solve",

@@ -148,6 +148,7 @@ def test_breakdown_is_infinite_in_a_sweep_and_raised_of_one():
         certificate.choose(strained(0.3), 0.99, modes)
 
 
+@pytest.mark.slow
 @each
 def test_the_smallest_model_within_the_tolerance_is_chosen(changes):
     case = scene(**changes)

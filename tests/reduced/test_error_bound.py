@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from examples import examples
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scenes import VARIED, WAVE, scene
 from scipy.linalg import expm
@@ -102,7 +103,7 @@ def random_models(draw):
     return LiftedModel(case, first[:k], second[: max(1, k - 1)], 0), wave
 
 
-@settings(deadline=None, max_examples=20)
+@examples(20)
 @given(random_models(), st.booleans())
 def test_bounds_are_never_below_the_error(drawn, whole):
     """Whatever the scene, its outputs, the modes and their number."""

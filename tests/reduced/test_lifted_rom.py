@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from random_models import random_models, rows
 from scenes import VARIED, scene
@@ -86,7 +87,7 @@ def euler(model):
     return kept[:, :kv], kept[:, kv:]
 
 
-@settings(deadline=None, max_examples=150)
+@examples(150)
 @given(random_models())
 def test_unforced_the_energy_never_grows(model):
     """Whatever the scene, the modes and their number; up to rounding, which own modes magnify."""
@@ -310,7 +311,7 @@ def test_breakdown_names_scene_time_and_particle(changes, method):
     assert caught.value.particle == strain[row].argmin()
 
 
-@settings(deadline=None, max_examples=100)
+@examples(100)
 @given(
     random_models(),
     st.floats(-3, 2),

@@ -39,6 +39,7 @@ LAYER = "where(abs(x/L - 0.4217) < 0.2, 1, {})"
 KINK = "1e-3*x*(L - x)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("changes", "order"),
     [

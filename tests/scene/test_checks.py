@@ -9,6 +9,7 @@ from sphpod.scene import checks
 FRONT = "where(cos(2*pi*x/L - 3*t) > 0, 1, 0)"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [{"youngs_modulus": f"0.1*(1 + 0.5*{FRONT})"}, {"damping": FRONT}, {"force": FRONT}],

@@ -204,6 +204,7 @@ def in_time(kind, boundary):
     return of(IN_TIME[kind])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", IN_TIME)
 @pytest.mark.parametrize("model", ["sph", "leapfrog", "centred", "chain"])
 @pytest.mark.parametrize("boundary", [["fixed", "fixed"], ["fixed", "free"]])

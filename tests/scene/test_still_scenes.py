@@ -145,6 +145,7 @@ def test_the_energy_of_what_stands_still_does_not_grow(name):
     check_layout(stability_plots.growth({(case.name,): found}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["still", "late profile"])
 def test_poor_snapshots_and_benchmarks_of_still_scenes(name):
     case, full, taken, lifted_full, _ = solved(name)

@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from scenes import VARIED, scene
 
@@ -80,7 +81,7 @@ def test_the_papers_models_drift_and_the_lifted_one_stays():
 
 
 @each
-@settings(deadline=None, max_examples=15)
+@examples(15)
 @given(factor=st.floats(0.1, 80))
 def test_the_lifted_full_model_is_superposed(name, factor):
     case = scene(**SCENES[name])
@@ -97,7 +98,7 @@ def test_the_lifted_full_model_is_superposed(name, factor):
     assert relative_error(found.fields["density"], expected) < 1e-10
 
 
-@settings(deadline=None, max_examples=25)
+@examples(25)
 @given(
     st.integers(7, 40),
     st.sampled_from([{}, {"damping": 2}, {"force": "1e-3*cos(9*t)"}, VARIED]),
@@ -124,7 +125,7 @@ def test_the_lifted_full_model_folds_at_its_own_amplitude(name):
     assert arrays["folding_amplitude"] == pytest.approx(folding, rel=0.05)
 
 
-@settings(deadline=None, max_examples=20)
+@examples(20)
 @given(st.floats(1, 60), st.integers(1, 8))
 def test_with_its_own_snapshots_the_lifted_error_does_not_depend_on_the_amplitude(factor, count):
     case = scene(initial_velocity="2e-3*x*(L - x)*sin(6*pi*x)", duration=2)

@@ -281,6 +281,7 @@ def test_both_sides_of_a_pair_compute_the_same():
     }  # fmt: skip
 
 
+@pytest.mark.slow
 def test_pairs_are_timed_and_in_a_table():
     measured = skipping.measure(scene(duration=0.1), repeats=2)
     things = len(measured["skipped"])

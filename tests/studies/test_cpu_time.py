@@ -13,6 +13,7 @@ PLACE = {"scene": "waves", "sampling": "few"}
 SETTINGS = {"particle_count": 40, "machine": {"processor": "one"}}
 
 
+@pytest.mark.slow
 def test_contenders_of_a_study():
     case = scene()
     sampling = {"range": [0, 1], "count": 10}

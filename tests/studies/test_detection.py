@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from scenes import VARIED, scene
 
@@ -47,7 +48,7 @@ def in_rows(found, case, stride):
 
 @each
 @pytest.mark.parametrize("neighbours", ["stencil", "lists"])
-@settings(deadline=None, max_examples=15)
+@examples(15)
 @given(speed=st.floats(0.05, 3), stride=st.sampled_from([1, 10, 100, 1000]))
 def test_full_sph_is_watched_as_by_brute_force(neighbours, changes, speed, stride):
     """Whatever is kept, every step counts."""
@@ -82,7 +83,7 @@ def test_full_sph_does_not_fold_between_outputs():
 
 @each
 @pytest.mark.parametrize("integrator", lifted.INTEGRATORS)
-@settings(deadline=None, max_examples=8)
+@examples(8)
 @given(speed=st.floats(0.05, 3), stride=st.sampled_from([10, 50]))
 def test_the_lifted_full_model_is_watched_as_by_brute_force(integrator, changes, speed, stride):
     """Whatever is kept, every step counts, or those that resolve the waves."""
@@ -121,6 +122,7 @@ def test_the_lifted_full_model_does_not_fold_between_outputs(integrator, changes
     lifted.solve(small, integrator)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, {"initial_density": "1 + 0.1*cos(2*pi*x/L)"}])
 @pytest.mark.parametrize("speed", [0.15, 0.45])
 def test_an_interval_of_many_waves_is_looked_at_in_little_memory(changes, speed):
@@ -145,7 +147,7 @@ def test_an_interval_of_many_waves_is_looked_at_in_little_memory(changes, speed)
 
 @each
 @pytest.mark.parametrize("integrator", lifted.FIXED_STEP)
-@settings(max_examples=12)
+@examples(12)
 @given(
     speed=st.floats(1e-4, 1),
     damping=st.sampled_from([None, 3, 900, "1e3*(1 + sin(2*pi*x/L))"]),
@@ -222,6 +224,7 @@ def test_stretching_to_more_than_twice_the_length_is_no_breakdown():
     assert thin["density"].max() < 0.5
 
 
+@pytest.mark.slow
 def test_watching_costs_little():
     """Of a run that keeps every tenth step; the project's own figure is measured by a study."""
     case = replace(scene(particle_count=200), duration=2.0, time_step=1e-3, error_interval=0.01)

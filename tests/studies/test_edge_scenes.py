@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from scenes import VARIED, scene
 
@@ -75,7 +76,7 @@ def random_scenes(draw):
     return scene(**found)
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(random_scenes())
 def test_every_check_holds_of_any_scene(case):
     for key, row in verdicts(case).items():
@@ -195,6 +196,7 @@ def test_a_breakdown_is_reported_with_time_and_particle():
         assert row["value"] == np.inf
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [

@@ -4,7 +4,8 @@ import os
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from scenes import VARIED, scene
 
@@ -128,7 +129,7 @@ def models(case):
         )
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(cases, particles, st.sampled_from(BAD), st.integers(0, 1))
 @pytest.mark.filterwarnings("ignore:(invalid value|overflow):RuntimeWarning")
 def test_a_broken_start_is_caught_at_its_particle_and_never_heals(name, particle, bad, field):
@@ -146,7 +147,7 @@ def test_a_broken_start_is_caught_at_its_particle_and_never_heals(name, particle
         assert (~np.isfinite(run.state)).any(axis=(0, 2)).all()
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(cases, st.integers(0, 99), particles, st.sampled_from(BAD), st.integers(0, 1))
 def test_full_sph_that_breaks_between_outputs_is_caught_at_the_next(name, step, at, bad, field):
     case = scene("crash", **CASES[name], duration=0.2)
@@ -168,7 +169,7 @@ def test_full_sph_that_breaks_between_outputs_is_caught_at_the_next(name, step, 
         assert min(distance, case.particle_count - distance) <= reach
 
 
-@settings(deadline=None, max_examples=40)
+@examples(40)
 @given(cases, st.integers(0, 199), st.sampled_from(BAD_TEXTS))
 @pytest.mark.filterwarnings("ignore:(invalid value|overflow):RuntimeWarning")
 def test_a_force_that_is_broken_in_one_step_is_caught_at_the_next_output(name, step, bad):

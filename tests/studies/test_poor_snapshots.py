@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from random_models import random_models
 from scenes import VARIED, scene
@@ -86,7 +87,7 @@ def test_little_noise_changes_little_and_the_bound_holds(name):
     assert np.all(arrays["noise_original_error"] > 0)
 
 
-@settings(deadline=None, max_examples=60)
+@examples(60)
 @given(
     random_models(),
     st.integers(1, 12),

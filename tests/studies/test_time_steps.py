@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from examples import examples
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scenes import VARIED, scene
 
@@ -51,7 +52,7 @@ def fits_dataset(arrays, path, variables=time_steps.STUDY.variables):
     return set(dataset.read(path)) == set(arrays)
 
 
-@settings(deadline=None, max_examples=8)
+@examples(8)
 @given(
     seed=st.integers(0, 2**32 - 1),
     count=st.integers(7, 14),
@@ -80,6 +81,7 @@ def test_full_models_grow_from_the_predicted_step_on(seed, count, ratio, damped,
     np.testing.assert_allclose(differences(time_steps.full(case)), 0, atol=1e-3)
 
 
+@pytest.mark.slow
 @each
 def test_what_is_reported_of_full_models(changes, tmp_path):
     arrays = time_steps.full(scene(particle_count=20, **changes))
@@ -126,7 +128,7 @@ def test_the_measurement_knows_no_prediction():
     assert other["predicted_time_step"] == 7
 
 
-@settings(deadline=None, max_examples=50)
+@examples(50)
 @given(st.floats(0.5, 1.5), st.floats(0, 3), st.integers(0, 100))
 def test_both_phases_show_growth_without_oscillation(size, angle, seed):
     rng = np.random.default_rng(seed)

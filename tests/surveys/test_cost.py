@@ -49,6 +49,7 @@ def of(found, contender, name="query_error"):
     return found[name][found["contender"] == contender]
 
 
+@pytest.mark.slow
 def test_contenders_are_as_accurate_as_the_reduced_model(graded, uniform) -> None:
     for found in (graded, uniform):
         (target,) = of(found, "reduced")
@@ -152,6 +153,7 @@ def test_a_survey_without_answers_has_no_cost() -> None:
         cost.measure("bar", fast, survey, model)
 
 
+@pytest.mark.slow
 def test_greedy_training_is_timed_too() -> None:
     physics, survey, model = made(training={"count": 1, "method": "greedy"})
     found = cost.measure("bar", physics, {**survey, "cost_repeats": 1}, model)

@@ -64,6 +64,7 @@ def test_the_least_parameter_is_that_of_the_full_model() -> None:
     assert found["true_error"][-1] <= found["relative_bound"][-1]
 
 
+@pytest.mark.slow
 def test_no_full_run_on_a_grid_is_better() -> None:
     keys = {
         "minimise": "peak",
@@ -79,6 +80,7 @@ def test_no_full_run_on_a_grid_is_better() -> None:
     assert found["peak_full"][-1] <= min(full("peak", **p) for p in within)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 def test_no_query_on_a_grid_is_better_than_a_random_design(seed) -> None:
     random = np.random.default_rng(seed)

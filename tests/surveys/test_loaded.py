@@ -42,6 +42,7 @@ def survey(made):
     return LoadedSurvey({"scene": "bar", "physics": physics, "survey": keys}, model)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 4, 8])
 def test_full_runs_lie_in_all_intervals(made, count) -> None:
     physics, keys, model = made
@@ -162,6 +163,7 @@ def test_modes_are_as_few_as_meet_the_tolerance() -> None:
     assert counts[0] < counts[1]
 
 
+@pytest.mark.slow
 def test_greedy_training_ends_where_the_bound_meets_the_tolerance() -> None:
     resolved = load([], settings(training={"count": 12, "method": "greedy"}, tolerance=1e-4))
     physics, survey = resolved["scenes"]["bar"], resolved["surveys"]["graded"]

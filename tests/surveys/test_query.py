@@ -5,7 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from examples import examples
+from hypothesis import given
 from hypothesis import strategies as st
 from survey_cases import SCENE
 
@@ -43,7 +44,7 @@ CASES: dict[str, dict[str, Any]] = {
 def made(case, count=8, training=4, particles=24):
     """Settings of a scene, and its survey; a case by name, or its keys."""
     changes = CASES[case] if isinstance(case, str) else case
-    scene = {**SCENE, **changes, "particle_count": particles}
+    scene = {**SCENE, "error_interval": 0.05, **changes, "particle_count": particles}
     resolved = load([], {"scenes": {"bar": scene}})["scenes"]["bar"]
     points = samples.points(resolved["parameters"], {"count": training})
     cases = [samples.scene_at("bar", resolved, point_of(resolved, one)) for one in points]
@@ -76,7 +77,7 @@ def surveys():
     return {case: made(case) for case in CASES}
 
 
-@settings(max_examples=500)
+@examples(500)
 @given(
     case=st.sampled_from(sorted(CASES)),
     shares=st.tuples(*[st.floats(0, 1)] * 3),
