@@ -238,8 +238,8 @@ def histograms(answers: Arrays, quantities: Mapping[str, str]) -> Figure:
 def indices(indices: Arrays) -> Figure:
     """First and total Sobol indices of each quantity, with their 95 % intervals."""
     names, parameters = indices["quantity"], indices["parameter"]
-    columns = min(len(names), MOST_COLUMNS)
-    rows = -(-len(names) // columns)
+    rows = -(-len(names) // MOST_COLUMNS)
+    columns = -(-len(names) // rows)
     height = 0.5 + PANEL * (rows + max(map(len, parameters)) / UP)
     figure = Figure(figsize=(COLUMN_WIDTH, height), layout="constrained")
     panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
