@@ -93,14 +93,18 @@ def test_what_hardly_varies_or_is_not_there_has_its_panel(change) -> None:
 @pytest.mark.parametrize("count", [1, 4])
 def test_long_names_and_narrow_ranges_have_their_place(count) -> None:
     random = np.random.default_rng(0)
-    ranges = {"at_one": [1, 1.00002], "tiny": [-3e-7, 1e-7], "damping_of_the_middle": [0, 1]}
-    ranges |= {f"stiffness_of_the_{side}_layer": [0, 1] for side in ("first", "second", "third")}
+    ranges = {"at_one": [1.0, 1.00002], "tiny": [-3e-7, 1e-7], "damping_of_the_middle": [0.0, 1.0]}
+    layers = [f"stiffness_of_the_{side}_layer" for side in ("first", "second", "third")]
+    ranges |= {word: [0.0, 1.0] for word in layers}
     parameters = {word: {"nominal": ends[0], "range": ends} for word, ends in ranges.items()}
     labels = {
         f"velocity_in_the_middle_{n}": f"velocity_in_the_middle_{n} [m/s]" for n in range(count)
     }
     size = 9 * len(ranges)
-    found = {word: np.tile(np.linspace(*ends, 9), len(ranges)) for word, ends in ranges.items()}
+    found = {
+        word: np.tile(np.linspace(ends[0], ends[1], 9), len(ranges))
+        for word, ends in ranges.items()
+    }
     found |= {
         f"{q}{end}": random.uniform(size=size) for q in labels for end in ("", "_low", "_high")
     }
