@@ -1,5 +1,6 @@
 """Figures of surveys of parameters, one function a kind, in the style of the other figures."""
 
+import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -26,6 +27,9 @@ PANEL = 1.5
 
 MOST_COLUMNS = 3
 """Panels beside each other."""
+
+ACROSS, UP = 48, 22
+"""Letters of a label that stand across a figure, and along the height of a panel."""
 
 MARGIN = 0.05
 """Part of a range that is shown beyond its ends."""
@@ -122,10 +126,10 @@ def surfaces(surfaces: Arrays, parameters: Ranges, quantities: Mapping[str, str]
         low, high = _ends(values)
         drawn = axes.pcolormesh(x, y, values, cmap="viridis", vmin=low, vmax=high, rasterized=True)
         _say_if_none(axes, values)
-        bar = figure.colorbar(drawn, ax=axes, label=label)
+        bar = figure.colorbar(drawn, ax=axes, label=_wrapped(label, UP))
         _numbered(bar.ax, "y")
-        _scaled(axes, "x", first, parameters[first])
-        _scaled(axes, "y", second, parameters[second])
+        _scaled(axes, "x", _wrapped(first, ACROSS), parameters[first])
+        _scaled(axes, "y", _wrapped(second, UP), parameters[second])
     return figure
 
 
@@ -151,11 +155,11 @@ def _panels(parameters, quantities):
             shared = axes = figure.add_subplot(grid[row, column], sharey=shared)
             panels[name, parameter] = axes
             last = wrapped or m == len(quantities) - 1
-            _scaled(axes, "x", parameter if last else "", given)
+            _scaled(axes, "x", _wrapped(parameter, ACROSS // across) if last else "", given)
             axes.tick_params(labelleft=column == 0, labelbottom=last)
             _numbered(axes, "y")
             if column == 0:
-                axes.set_ylabel(label)
+                axes.set_ylabel(_wrapped(label, UP))
     return figure, panels
 
 
@@ -170,6 +174,7 @@ def _scaled(axes, side, label, given):
         beyond = ends * (ends / ends[::-1]) ** MARGIN
     else:
         axis.set_major_locator(MaxNLocator(3, steps=[1, 2, 5, 10]))
+        axis.set_major_formatter("{x:g}")
         beyond = ends + MARGIN * (ends - ends[::-1])
     axes.set(**{f"{side}lim": beyond})
 
@@ -196,6 +201,11 @@ def _say_if_none(axes, *values):
         axes.text(0.5, 0.5, "no values", color=GREY, **where)
 
 
+def _wrapped(label, width):
+    """A label in lines of so many letters, which end behind underscores where they can."""
+    return "\n".join(textwrap.wrap(label.replace("_", "-"), width)).replace("-", "_")
+
+
 def _numbered(axes, side):
     """Few numbers on the axis of a quantity, and short ones."""
     getattr(axes, f"{side}axis").set_major_locator(MaxNLocator(5))
@@ -218,7 +228,7 @@ def histograms(answers: Arrays, quantities: Mapping[str, str]) -> Figure:
         _say_if_none(axes, known)
         for share in (0.05, 0.5, 0.95) if known.size else ():
             axes.axvline(np.quantile(known, share), color=BLACK, linestyle="--", linewidth=0.6)
-        axes.set_xlabel(label)
+        axes.set_xlabel(_wrapped(label, ACROSS))
         axes.set_ylabel("queries")
         _numbered(axes, "x")
     return figure
@@ -228,10 +238,15 @@ def histograms(answers: Arrays, quantities: Mapping[str, str]) -> Figure:
 def indices(indices: Arrays) -> Figure:
     """First and total Sobol indices of each quantity, with their 95 % intervals."""
     names, parameters = indices["quantity"], indices["parameter"]
-    figure = Figure(figsize=(COLUMN_WIDTH, 0.5 + PANEL), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(names), sharey=True))
+    rows = -(-len(names) // MOST_COLUMNS)
+    columns = -(-len(names) // rows)
+    height = 0.5 + PANEL * (rows + max(map(len, parameters)) / UP)
+    figure = Figure(figsize=(COLUMN_WIDTH, height), layout="constrained")
+    panels = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False).ravel()
     places = np.arange(len(parameters))
-    for n, (axes, name) in enumerate(zip(panels, names, strict=True)):
+    for axes in panels[len(names) :]:
+        axes.remove()
+    for n, (axes, name) in enumerate(zip(panels, names, strict=False)):
         for kind, color, shift in (("first", BLUE, -0.2), ("total", VERMILLION, 0.2)):
             middle = indices[f"{kind}_index"][n]
             ends = indices[f"{kind}_index_low"][n], indices[f"{kind}_index_high"][n]
@@ -240,9 +255,11 @@ def indices(indices: Arrays) -> Figure:
             axes.errorbar(places + shift, middle, off, fmt="none", ecolor=BLACK, linewidth=0.6)
         _say_if_none(axes, indices["total_index"][n])
         axes.set_xlim(-0.6, len(parameters) - 0.4)
-        axes.set_xticks(places, list(parameters), rotation=30, ha="right")
-        axes.set_title(str(name))
-    panels[0].set_ylabel("Sobol index")
+        axes.set_xticks(places, list(parameters), rotation=90)
+        axes.tick_params(labelbottom=n + columns >= len(names))
+        axes.set_title(_wrapped(str(name), ACROSS // columns))
+        if n % columns == 0:
+            axes.set_ylabel("Sobol index")
     figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=2)
     return figure
 
@@ -276,7 +293,7 @@ def design(design: Arrays, keys: Mapping[str, Any], labels: Mapping[str, str]) -
         axes.plot(ends, in_full, "o", color=BLACK, markerfacecolor="none", label="full run")
         for level in levels.get(name, {}).values():
             axes.axhline(level, color=VERMILLION, linestyle="--", linewidth=0.8, label="level")
-        axes.set_ylabel(labels.get(name, name))
+        axes.set_ylabel(_wrapped(labels.get(name, name), UP))
         _numbered(axes, "y")
     panels[-1].set_xlabel("query of the search")
     shown = {label: handle for axes in panels for handle, label in

@@ -90,6 +90,34 @@ def test_what_hardly_varies_or_is_not_there_has_its_panel(change) -> None:
         assert bool(said) == bool(np.isnan(change))
 
 
+@pytest.mark.parametrize("count", [1, 4])
+def test_long_names_and_narrow_ranges_have_their_place(count) -> None:
+    random = np.random.default_rng(0)
+    ranges = {"at_one": [1.0, 1.00002], "tiny": [-3e-7, 1e-7], "damping_of_the_middle": [0.0, 1.0]}
+    layers = [f"stiffness_of_the_{side}_layer" for side in ("first", "second", "third")]
+    ranges |= {word: [0.0, 1.0] for word in layers}
+    parameters = {word: {"nominal": ends[0], "range": ends} for word, ends in ranges.items()}
+    labels = {
+        f"velocity_in_the_middle_{n}": f"velocity_in_the_middle_{n} [m/s]" for n in range(count)
+    }
+    size = 9 * len(ranges)
+    found = {
+        word: np.tile(np.linspace(ends[0], ends[1], 9), len(ranges))
+        for word, ends in ranges.items()
+    }
+    found |= {
+        f"{q}{end}": random.uniform(size=size) for q in labels for end in ("", "_low", "_high")
+    }
+    found["certified"] = np.ones(size, np.int8)
+    names = {"quantity": np.array(list(labels)), "parameter": np.array(list(ranges))}
+    values = {f"{kind}_index{end}": np.full((count, len(ranges)), 0.4)
+              for kind in ("first", "total") for end in ("", "_low", "_high")}  # fmt: skip
+    check_layout(survey_plots.responses(found, parameters, labels))
+    check_layout(survey_plots.sections(found, parameters, labels))
+    check_layout(survey_plots.histograms(found, labels))
+    check_layout(survey_plots.indices(values | names))
+
+
 def test_errors() -> None:
     true = np.array([1e-3, 4e-4, 2e-3])
     found = {"true_error": true, "relative_estimate": true, "relative_bound": 12 * true}
