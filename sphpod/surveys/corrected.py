@@ -180,10 +180,10 @@ def corrected_bound(
 
 
 def _promised(query, residual, *changes):
-    """What a bound is about, of the largest coordinates alone."""
-    largest = np.abs(query.state).max(axis=1)
-    lasting = query.scene.duration * _norm(residual * largest[-residual.shape[1] :])
-    return lasting + sum(_norm(change * largest) for change in changes)
+    """What a bound is about, of the sizes of coordinates alone."""
+    sizes = np.abs(query.state)
+    each = query.scene.duration * sizes.mean(axis=1)[-residual.shape[1] :]
+    return _norm(residual * each) + sum(_norm(change * sizes.max(axis=1)) for change in changes)
 
 
 def _norm(array):

@@ -272,11 +272,12 @@ class Survey:
             for some, more in zip(coordinates, every, strict=True):
                 more[:, :count] -= some
             difference = whole.norms(*every)
-        operators, full_of = self.operators, self._line
+        full_of: Any = self._line
         shifts: Sequence[float | None] = SHIFTS
-        if operators.is_affine and operators.correction_modes is not None:
+        shared = self.operators.correction_modes if self.operators.is_affine else None
+        if shared is not None:
             full_of = self._span
-            shifts = SHIFTS if len(operators.correction_modes) else (None,)
+            shifts = (*SHIFTS, None) if len(shared) else (None,)
 
         def least(found, model, known):
             """The smallest of the bounds until one suffices."""
@@ -291,9 +292,10 @@ class Survey:
             return found
 
         answer = least(None, query, 0.0)
-        # The error is at most the difference to the model of all modes, and the error of that.
-        sharpened = full_of == self._span and shifts == SHIFTS
-        if not sharpened and difference.max() <= self.tolerance * answer.norms.max():
+        # The error is at most the difference to the model of all modes, and the error of that; no
+        # correction modes are made for its modes.
+        alone = shared is not None and len(shared) > 0
+        if not alone and difference.max() <= self.tolerance * answer.norms.max():
             answer = least(answer, whole, difference)
         return answer
 
