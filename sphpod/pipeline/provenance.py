@@ -51,6 +51,7 @@ class Module(NamedTuple):
     imports: dict[str, tuple[str, str]]
 
 
+@functools.cache
 def digest(*roots: str | os.PathLike[str]) -> str:
     """Digest of functions, of all that they use of this package, and of `LIBRARIES`.
 
