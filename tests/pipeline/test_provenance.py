@@ -25,6 +25,7 @@ def digest(name):
 def digest_of(*roots):
     for cached in (
         provenance.digest,
+        provenance._libraries,
         provenance._module,
         provenance._uses,
         provenance._structure_of,
