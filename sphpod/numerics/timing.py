@@ -11,6 +11,7 @@ places as long as the process lives. What is compared closely is thus timed in s
 (`elsewhere`), with arrays in other places (`displaced`).
 """
 
+import io
 import os
 import pickle
 import platform
@@ -87,26 +88,42 @@ def displaced(seed: int) -> list[bytearray]:
     return [block for block in blocks if rng.random() < 0.5]
 
 
-def elsewhere(function: Callable[..., Any], *arguments: Any) -> Any:
-    """What a function of a module returns, called in a process of its own.
+def elsewhere(function: Callable[..., Any], calls: Sequence[tuple[Any, ...]]) -> list[Any]:
+    """What a function of a module returns for arguments, each called in a process of its own.
+
+    One after another they are copies of a process that has imported what the function needs, and
+    done nothing else.
 
     Raises
     ------
     subprocess.CalledProcessError
         It raised something, which is on the error stream.
     """
-    call = (
-        "import pickle, sys; function, arguments = pickle.load(sys.stdin.buffer); "
-        "pickle.dump(function(*arguments), sys.stdout.buffer)"
+    copies = (
+        "import os, pickle, sys\n"
+        "function, calls = pickle.load(sys.stdin.buffer)\n"
+        "for arguments in calls:\n"
+        "    if os.fork() == 0:\n"
+        "        pickle.dump(function(*arguments), sys.stdout.buffer)\n"
+        "        break\n"
+        "    if os.wait()[1]:\n"
+        "        sys.exit(1)\n"
     )
     done = subprocess.run(
-        [sys.executable, "-c", call],
-        input=pickle.dumps((function, arguments)),
+        [sys.executable, "-c", copies],
+        input=pickle.dumps((function, calls)),
         stdout=subprocess.PIPE,
-        env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, sys.path))},
+        # A copy has one thread, whatever BLAS had begun.
+        env={
+            **os.environ,
+            "PYTHONPATH": os.pathsep.join(filter(None, sys.path)),
+            "OMP_NUM_THREADS": "1",
+            "OPENBLAS_NUM_THREADS": "1",
+        },
         check=True,
     )
-    return pickle.loads(done.stdout)
+    returned = io.BytesIO(done.stdout)
+    return [pickle.load(returned) for _ in calls]
 
 
 def machine() -> dict[str, Any]:

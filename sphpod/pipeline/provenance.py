@@ -51,6 +51,7 @@ class Module(NamedTuple):
     imports: dict[str, tuple[str, str]]
 
 
+@functools.cache
 def digest(*roots: str | os.PathLike[str]) -> str:
     """Digest of functions, of all that they use of this package, and of `LIBRARIES`.
 
@@ -66,8 +67,12 @@ def digest(*roots: str | os.PathLike[str]) -> str:
     """
     used = _used(roots)
     code = [_structure_of(module, number) for module in sorted(used) for number in used[module]]
-    libraries = [f"{library} {metadata.version(library)}" for library in LIBRARIES]
-    return hashlib.sha256("\n".join((*code, *libraries)).encode()).hexdigest()[:16]
+    return hashlib.sha256("\n".join((*code, *_libraries())).encode()).hexdigest()[:16]
+
+
+@functools.cache
+def _libraries() -> list[str]:
+    return [f"{library} {metadata.version(library)}" for library in LIBRARIES]
 
 
 def closure(*roots: str | os.PathLike[str]) -> tuple[str, ...]:

@@ -45,15 +45,13 @@ def compare(
     contenders = [(baseline, 0) for baseline in BASELINES]
     contenders += [(name, k) for k in mode_counts for name in acceleration_contenders(n_freeze)]
     bases = {name: modes[name] for name in ("velocity_modes", "density_modes")}
-    seconds = [
-        timing.elsewhere(turns, scene, bases, contenders, process) for process in range(repeats)
-    ]
+    processes = [(scene, bases, contenders, process) for process in range(repeats)]
     names, counts = zip(*contenders, strict=True)
     return {
         "contender": np.array(names),
         "contender_mode_count": np.array(counts),
         "n_freeze": np.array([0 if name in BASELINES else freeze_steps(name) for name in names]),
-        "cpu_seconds": np.hstack(seconds),
+        "cpu_seconds": np.hstack(timing.elsewhere(turns, processes)),
     }
 
 

@@ -16,11 +16,22 @@ def test_contenders_take_turns():
     assert calls == ["a", "b"] * 3
 
 
-def test_a_process_of_its_own_gives_back_what_is_returned():
-    assert timing.elsewhere(os.getpid) not in (os.getpid(), os.getppid())
-    np.testing.assert_array_equal(timing.elsewhere(np.outer, [1, 2], np.ones(2)), [[1, 1], [2, 2]])
+def test_processes_of_their_own_give_back_what_is_returned():
+    processes = {os.getpid(), os.getppid(), *timing.elsewhere(os.getpid, [()] * 3)}
+    assert len(processes) == 5
+    twice, thrice = timing.elsewhere(np.multiply, [(2, np.arange(2)), (3, np.ones(1))])
+    assert twice.tolist() == [0, 2]
+    assert thrice.tolist() == [3]
+
+
+def test_what_fails_in_a_process_of_its_own_fails_here():
     with pytest.raises(subprocess.CalledProcessError):
-        timing.elsewhere(operator.truediv, 1, 0)
+        timing.elsewhere(operator.truediv, [(1, 0), (1, 1)])
+
+
+def test_what_a_process_of_its_own_changes_is_not_seen_by_the_next():
+    first, second = timing.elsewhere(os.umask, [(0o11,), (0o12,)])
+    assert first == second
 
 
 def test_arrays_fall_into_places_that_the_seed_decides_on():

@@ -3,6 +3,8 @@
 import copy
 import inspect
 import json
+import subprocess
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +58,11 @@ def test_a_number_agrees_when_its_relative_difference_is_within_the_tolerance(
     assert finding.difference == pytest.approx(difference, abs=1e-12)
     if abs(abs(difference) - tolerance) > 1e-12:
         assert finding.holds == (abs(difference) < tolerance)
+
+
+def test_what_claims_need_is_known_without_what_decides_on_them():
+    code = "import sys, sphpod.paper.claims; assert 'scipy.interpolate' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], cwd=ROOT, check=True)
 
 
 def test_sph_error_reads_the_named_reference():

@@ -23,7 +23,13 @@ def digest(name):
 
 
 def digest_of(*roots):
-    for cached in (provenance._module, provenance._uses, provenance._structure_of):
+    for cached in (
+        provenance.digest,
+        provenance._libraries,
+        provenance._module,
+        provenance._uses,
+        provenance._structure_of,
+    ):
         cached.cache_clear()
     return provenance.digest(*roots)
 
