@@ -184,7 +184,7 @@ def test_a_scene_that_a_file_lacks_is_refused(name, answer):
 @pytest.mark.parametrize(
     ("sampling", "answer"),
     [
-        ({}, "snapshots = {}: it must be given by range and count .*"),
+        ({}, "snapshots = {}: it must be given by range and count, .*"),
         ({"range": [0, 2], "count": 3}, r"snapshots.range = \[0, 2\]: it must rise and end .*"),
         ({"range": (0, 1), "count": 0}, "snapshots.count = 0: it must be at least 1 .*"),
         ({"range": [0, 1], "cuont": 3}, "snapshots.cuont = 3: unknown key, did you mean count.*"),

@@ -77,11 +77,13 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
     _check_output(settings.get("output", ""))
     memory = settings.get("memory", Configuration.default_keys()["memory"])
     of_studies = settings.get("studies", {})
+    share = 1 / _checked(settings)
     resolved = {
         **Configuration.default_keys(),
         **settings,
         "scenes": {
-            name: _resolved_scene(name, scene, memory) for name, scene in settings["scenes"].items()
+            name: _resolved_scene(name, scene, memory, share)
+            for name, scene in settings["scenes"].items()
         },
         "illustrations": [
             Illustration.default_keys() | figure for figure in settings.get("illustrations", [])
@@ -96,11 +98,11 @@ def load(paths: Sequence[Path | str], overrides: Mapping[str, Any] | None = None
         borrow(name, resolved["scenes"])
     resolved["surveys"] = resolved_surveys(settings.get("surveys", {}), resolved["scenes"], memory)
     resolved["stability"] = resolved_stability(
-        settings.get("stability", {}), resolved["scenes"], memory
+        settings.get("stability", {}), resolved["scenes"], memory, share
     )
     _name_figures(resolved)
     _check_benchmark(resolved)
-    check_variants(resolved)
+    check_variants(resolved, share)
     check_pairs(resolved)
     return resolved
 
@@ -200,8 +202,17 @@ def check_sampling(scene: scenes.Scene, name: str, sampling: Mapping[str, Any]) 
 # --------------------------------------------------------------------- meaning and defaults
 
 
-def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[str, Any]:
-    """Check one scene and fill in its defaults."""
+def _checked(settings: Mapping[str, Any]) -> int:
+    """How many scenes are checked, with those of studies."""
+    edges = settings.get("stability", {}).get("edge_scenes", {})
+    runs = settings.get("studies", {}).get("variants", {}).get("runs", {})
+    return len(settings["scenes"]) + len(edges) + sum(map(len, runs.values()))
+
+
+def _resolved_scene(
+    name: str, settings: dict[str, Any], memory: float, share: float
+) -> dict[str, Any]:
+    """Check one scene, of which some are checked alike, and fill in its defaults."""
     scene = {
         **Scene.default_keys(),
         **settings,
@@ -216,7 +227,7 @@ def _resolved_scene(name: str, settings: dict[str, Any], memory: float) -> dict[
     try:
         physics = scenes.Scene.from_settings(name, scene)
         check_sizes(name, sizes(physics, scene), memory)
-        checks.check(physics)
+        checks.check(physics, share)
     except ValueError as error:
         by_default = "error_interval" not in settings and "error_interval =" in str(error)
         hint = " (this is the default; another can be set)" if by_default else ""

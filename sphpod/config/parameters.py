@@ -14,14 +14,20 @@ from sphpod.config.reading import ConfigError, refusal
 from sphpod.config.scene_section import Parameter
 from sphpod.numerics.expressions import reads
 from sphpod.scene import checks
-from sphpod.scene.scene import PROFILES
+from sphpod.scene.scene import PROFILES, parameter_values
 from sphpod.surveys import distributions, samples
 
 CHECKED = 64
 """Points within the ranges at which the scene is checked, beside their corners."""
 
-VALUES = 2**24
-"""Points of profiles at which all these scenes together are checked."""
+TERMS = 2**16
+"""Terms of sums of all these scenes together, or only some of the corners are checked."""
+
+POINTS, FEWEST = 1088, 8
+"""Points at which all scenes together are checked, and each at least."""
+
+SHARES = 4
+"""Work on all these scenes, in that on one."""
 
 LEAST_PROBABILITY = 1e-6
 """What the range of a parameter holds of its distribution at least."""
@@ -135,8 +141,10 @@ def _distributed(scene, key, given):
     return given
 
 
-def check_within(name: str, settings: Mapping[str, Any]) -> None:
+def check_within(name: str, settings: Mapping[str, Any], alike: int = 1) -> None:
     """Refuse a parameter that nothing holds, and ranges in which the scene is none.
+
+    Of many scenes that are checked ``alike``, at fewer points within their ranges.
 
     Raises
     ------
@@ -150,11 +158,15 @@ def check_within(name: str, settings: Mapping[str, Any]) -> None:
             raise refusal(name, f"parameters.{word}", given, allowed)
     inner = samples.points(parameters, {"count": CHECKED, "sampling": "halton"})
     every = np.concatenate([samples.corners(parameters), inner])
-    points = min(checks.POINTS[1], VALUES // len(every))
+    nominal = samples.scene_at(name, settings, parameter_values(settings))
+    most = min(max(CHECKED, TERMS // checks.terms(nominal)), POINTS) // alike
+    every = every[:: -(-len(every) // max(most, FEWEST))]
     for values in every:
         point = dict(zip(parameters, map(float, values), strict=True))
         try:
-            checks.check_setting(samples.scene_at(name, settings, point), points)
+            scene = samples.scene_at(name, settings, point)
+            share = min(1.0, SHARES / (alike * len(every)))
+            checks.check_setting(scene, share, followed=False)
         except ValueError as error:
             told = str(error).removeprefix(f"scene {name}: ")
             where = ", ".join(f"{word} = {value:g}" for word, value in point.items())

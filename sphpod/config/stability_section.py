@@ -111,7 +111,7 @@ STEADY = "it must be a scene without start, of which neither youngs_modulus nor 
 
 
 def resolved_stability(
-    settings: dict[str, Any], known: dict[str, Any], memory: float
+    settings: dict[str, Any], known: dict[str, Any], memory: float, share: float
 ) -> dict[str, Any]:
     """Check what is asked of stability; studies are of the first sampled scene if none is named."""
     steady = {
@@ -160,7 +160,7 @@ def resolved_stability(
                 raise refusal(None, "stability.smoothing_ratios", ratio, allowed)
     _check_runs(stability, known)
     stability["edge_scenes"] = {
-        name: _edge_scene(name, scene, known, memory)
+        name: _edge_scene(name, scene, known, memory, share)
         for name, scene in stability["edge_scenes"].items()
     }
     return stability
@@ -203,7 +203,7 @@ def _check_runs(stability: Mapping[str, Any], known: Mapping[str, Any]) -> None:
 
 
 def _edge_scene(
-    name: str, settings: dict[str, Any], others: Mapping[str, Any], memory: float
+    name: str, settings: dict[str, Any], others: Mapping[str, Any], memory: float, share: float
 ) -> dict[str, Any]:
     """A scene at the edge, which explicit Euler need not be able to step."""
     key = f"stability.edge_scenes.{name}"
@@ -223,7 +223,7 @@ def _edge_scene(
     try:
         physics = scenes.Scene.from_settings(name, scene)
         check_sizes(name, sizes(physics, scene), memory)
-        checks.check_setting(physics)
+        checks.check_setting(physics, share)
     except ValueError as error:
         raise ConfigError(str(error)) from error
     for given in ("youngs_modulus", "damping"):

@@ -270,9 +270,9 @@ def resolved_surveys(
     ------
     ConfigError
     """
-    for name, scene in scenes.items():
-        if "parameters" in scene:
-            check_within(name, scene)
+    varied = {name: scene for name, scene in scenes.items() if "parameters" in scene}
+    for name, scene in varied.items():
+        check_within(name, scene, len(varied))
     return {name: _resolved(name, survey, scenes, memory) for name, survey in surveys.items()}
 
 

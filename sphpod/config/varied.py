@@ -23,7 +23,7 @@ def check_pairs(config: dict[str, Any]) -> None:
                 raise refusal(None, f"{key}.{name}", sampling, known_names("sampling", known))
 
 
-def check_variants(config: dict[str, Any]) -> None:
+def check_variants(config: dict[str, Any], share: float) -> None:
     """Check runs of full SPH that differ from a scene in a key or two."""
     for name, runs in config["studies"]["variants"]["runs"].items():
         key = "studies.variants.runs"
@@ -43,6 +43,6 @@ def check_variants(config: dict[str, Any]) -> None:
                 raise refusal(None, f"{key}.{name}.{variant}.particle_count", changes, whole)
             settings["particle_count"] = int(settings["particle_count"])
             try:
-                checks.check(Scene.from_settings(name, settings))
+                checks.check(Scene.from_settings(name, settings), share)
             except ValueError as error:
                 raise ConfigError(f"{key}.{name}.{variant}: {error}") from error

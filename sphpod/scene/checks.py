@@ -7,7 +7,7 @@ from sphpod.numerics.expressions import Expression
 from sphpod.numerics.separation import changes, check_places
 from sphpod.scene.ends import VELOCITY
 from sphpod.scene.kernel import derivative_coefficient, neighbour_count
-from sphpod.scene.scene import IN_X, Scene, force_keys, is_whole, profile_of
+from sphpod.scene.scene import EVALUATIONS, IN_X, Scene, force_keys, is_whole, profile_of
 from sphpod.scene.values import check_values
 from sphpod.scene.waves import (
     GROWTH_LIMIT,
@@ -46,20 +46,34 @@ AT_REST = 1e-9
 MOST_TERMS = 25_000_000
 """Terms of the sums of a profile at all particles together, or of a force at all times."""
 
+LOOKED_THROUGH = MOST_TERMS // 4
+"""Values, times the terms of sums, of each of the profiles of a scene that are looked at."""
+
+GROWTH_WORK = 2**27
+"""Values, times the terms of sums, of which the growth of waves is found in a check."""
+
 MOST_FOLLOWED = 100
 """Terms of the sums of a function of place and time, which is followed at several places."""
 
 
-def check(scene: Scene) -> None:
+def check(scene: Scene, share: float = 1.0) -> None:
     """Refuse a scene that cannot be simulated by explicit Euler, before any work starts.
+
+    Of many scenes each may take a ``share`` of the work of one: then it is looked at in fewer
+    places and times, and growth is left to the run of a scene of which it would cost more.
 
     Raises
     ------
     ValueError
         One sentence that names the scene, the key, its value and what is allowed.
     """
-    check_setting(scene)
-    check_step(scene)
+    check_setting(scene, share)
+    terms = sum(
+        one.terms for one in (scene.initial_density, scene.youngs_modulus, scene.damping) if one
+    )
+    followed = 0 if scene.is_steady else EVALUATIONS
+    if share == 1 or scene.particle_count * terms + followed <= GROWTH_WORK * share:
+        check_step(scene)
 
 
 def check_step(scene: Scene) -> None:
@@ -80,10 +94,10 @@ def check_step(scene: Scene) -> None:
         )
 
 
-def check_setting(scene: Scene, points: int = POINTS[1]) -> None:
+def check_setting(scene: Scene, share: float = 1.0, followed: bool = True) -> None:
     """Refuse a scene that no integrator can simulate; raises as `check`.
 
-    With fewer ``points`` than usual, functions of time are not looked at where they change.
+    Unless they are ``followed``, functions of time are not looked at where they change.
     """
 
     def refuse(key, value, allowed):
@@ -93,8 +107,9 @@ def check_setting(scene: Scene, points: int = POINTS[1]) -> None:
     _check_particles(scene, refuse)
     _check_ends(scene, refuse)
     _check_work(scene, refuse)
-    _check_profiles(scene, points, refuse)
-    _check_force(scene, points, refuse)
+    budget = share, followed
+    _check_profiles(scene, budget, refuse)
+    _check_force(scene, budget, refuse)
 
 
 def _check_times(scene, refuse):
@@ -190,47 +205,48 @@ def _check_ends(scene, refuse):
             )
 
 
-def _check_profiles(scene, count, refuse):
+def _check_profiles(scene, budget, refuse):
     """Refuse values that are not finite, or of a sign that nothing has."""
     velocity = scene.initial_velocity
-    _check_function(scene, "initial_velocity", velocity, count, refuse)
+    _check_function(scene, "initial_velocity", velocity, budget, refuse)
     for key in ("initial_density", "youngs_modulus", "damping"):
         expression = getattr(scene, key)
         if expression is None:
             continue
         least = 0.0 if key == "damping" else MOVING[0]
-        for points in _looked_at(scene, key, expression, count, refuse, least):
+        for points in _looked_at(scene, key, expression, budget, refuse, least):
             values = expression(**points)
             check_values(scene.name, key, expression.text, values, points)
             _check_size(key, expression, values, refuse)
 
 
-def _check_function(scene, key, expression, count, refuse, parts=1):
+def _check_function(scene, key, expression, budget, refuse, parts=1):
     """Refuse what moves a scene where it is not finite, too large or too small."""
     largest = 0.0
-    for points in _looked_at(scene, key, expression, count, refuse, -MOVING[1], parts):
+    for points in _looked_at(scene, key, expression, budget, refuse, -MOVING[1], parts):
         values = expression(**points)
         check_values(scene.name, key, expression.text, values, points)
         largest = max(largest, float(np.abs(values).max()))
     _check_moving(key, expression.text, largest, refuse)
 
 
-def _looked_at(scene, key, expression, count, refuse, least, parts=1):
-    """Points at which a function is checked, about ``count`` of one of x.
+def _looked_at(scene, key, expression, budget, refuse, least, parts=1):
+    """Points at which a function is checked, of one of x at and between the particles.
 
     One of time is looked at all over it, and then where it changes, unless its bounds show that it
     is nowhere less than ``least`` nor too large.
     """
-    x = _fine(scene, expression, count)
+    share, followed = budget
+    count = max(int(POINTS[1] * share), 1)
+    x = _fine(scene, expression, share)
     if expression.variables == IN_X:
         yield {"x": x}
         return
     own, places = scene.in_bar(expression)
     in_x, most = "x" in expression.variables, VALUES * count // (expression.terms * parts)
-    fully = count == POINTS[1]
     if in_x:
         try:
-            if fully:
+            if followed:
                 check_places(own, scene.duration, places)
         except ValueError as error:
             refuse(key, expression.text, str(error))
@@ -240,17 +256,19 @@ def _looked_at(scene, key, expression, count, refuse, least, parts=1):
         steps = scene.error_steps
         usual = scene.times(steps[:: max(1, -(-steps.size // max(most, LOOKED_AT[1])))])
     yield {"x": x[:, None], "t": usual} if in_x else {"t": usual}
-    low, high = _bounds(scene, own) if fully else (least, least)
-    if fully and not (low >= least and high <= MOVING[1]):
-        times = changes(own, scene.duration, places, LOOKED_AT[1] if in_x else POINTS[1], parts)
+    low, high = _bounds(scene, own) if followed else (least, least)
+    if followed and not (low >= least and high <= MOVING[1]):
+        times = changes(
+            own, scene.duration, places, LOOKED_AT[1] if in_x else count, int(parts / share)
+        )
         yield {"x": x[:, None], "t": times} if in_x else {"t": times}
 
 
-def _fine(scene, expression, count):
+def _fine(scene, expression, share):
     """Places at and between the particles, as many as there is time for; usually all particles."""
     cost = scene.particle_count * expression.terms
-    parts = min(max(count // cost, 1), POINTS[0])
-    every = max(cost // count, 1) if count < POINTS[1] else 1
+    parts = min(max(int(POINTS[1] * share) // cost, 1), POINTS[0])
+    every = max(int(cost / (LOOKED_THROUGH * share)), 1)
     places = parts * (scene.bar_count - 1) + 1 if scene.ends else parts * scene.particle_count
     return np.arange(0, places, every) * (scene.spacing / parts)
 
@@ -270,10 +288,10 @@ def _bounds(scene, expression):
     return float(low.min()), float(high.max())
 
 
-def _check_force(scene, count, refuse):
+def _check_force(scene, budget, refuse):
     """Refuse a force that is not finite at some time or place."""
     for key, function in _force_functions(scene):
-        _check_function(scene, key, function, count, refuse, len(scene.forces))
+        _check_function(scene, key, function, budget, refuse, len(scene.forces))
 
 
 def _force_functions(scene):
@@ -295,16 +313,23 @@ def number(value: float) -> str:
     return short if float(short) == value else repr(value)
 
 
+def _functions(scene):
+    """Key and formula of all that is given of a scene by formulas, each of so many terms."""
+    for key in ("initial_velocity", "initial_density", "youngs_modulus", "damping"):
+        if (expression := getattr(scene, key)) is not None:
+            yield key, expression, 1
+    for key, expression in _force_functions(scene):
+        yield key, expression, len(scene.forces)
+
+
+def terms(scene: Scene) -> int:
+    """Terms that the sums of all formulas of a scene have together."""
+    return sum(expression.terms for _, expression, _ in _functions(scene))
+
+
 def _check_work(scene, refuse):
     """Refuse sums of so many terms that to check them alone would take long."""
-    functions = [
-        (key, getattr(scene, key), 1)
-        for key in ("initial_velocity", "initial_density", "youngs_modulus", "damping")
-    ]
-    functions += [(key, one, len(scene.forces)) for key, one in _force_functions(scene)]
-    for key, expression, parts in functions:
-        if expression is None:
-            continue
+    for key, expression, parts in _functions(scene):
         points, what, most = scene.particle_count, "particles", MOST_TERMS
         if "x" not in expression.variables:
             points, what, parts = scene.error_steps.size, "times", 1

@@ -53,3 +53,40 @@ def test_a_fault_of_a_force_is_named_by_its_own_key(force, key):
     with pytest.raises(ValueError, match=r"it is not finite at") as caught:
         checks.check_setting(scene(force=force))
     assert key in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("changes", "key"),
+    [
+        ({"youngs_modulus": "1 + 1e-4*sum(sin(2*pi*k*x) for k in range(1, 1001))"}, "1001"),
+        ({"damping": f"1 + {FRONT}"}, "where"),
+    ],
+)
+def test_many_scenes_are_checked_for_what_a_few_take(changes, key, monkeypatch):
+    """Each of forty is looked at in fewer places than one alone."""
+    values: list[int] = []
+    evaluated = Expression._evaluated
+
+    def counted(self, steps, given):
+        found = evaluated(self, steps, given)
+        values.append(found.size * getattr(self, "terms", 1) if key in self.text else 0)
+        return found
+
+    monkeypatch.setattr(Expression, "_evaluated", counted)
+
+    def cost(share):
+        values.clear()
+        one = scene(**changes, particle_count=4000, time_step=1e-6, error_interval=0.01)
+        checks.check(one, share)
+        return sum(values)
+
+    assert 40 * cost(1 / 40) < 2 * cost(1)
+
+
+def test_a_fault_that_a_share_of_the_work_has_not_met_is_met_by_the_run():
+    narrow = scene(particle_count=4000, youngs_modulus="1 - 2*where(abs(x - 0.50025) < 1e-9, 1, 0)")
+    checks.check_setting(narrow, 1e-4)
+    with pytest.raises(
+        ValueError, match=r"it is -1 at x = 0.50025 and must be positive everywhere"
+    ):
+        narrow.modulus()

@@ -5,13 +5,14 @@ import numpy as np
 from sphpod import bar
 from sphpod.full import sph
 from sphpod.pipeline import dataset, job
-from sphpod.scene import resolution, waves
+from sphpod.scene import checks, resolution, waves
 from sphpod.scene.scene import Scene
 
 if __name__ == "__main__":
     given = job.start(snakemake)
     name, physics = snakemake.wildcards.scene, snakemake.params.physics
     scene = Scene.from_settings(name, physics)
+    checks.check(scene)  # before the run of many they have been looked at in fewer places
     steps = np.union1d(scene.error_steps, snakemake.params.snapshot_steps).astype(np.int64)
     predicted = waves.predict(scene) | resolution.predict(scene)
     dataset.write(
