@@ -25,10 +25,6 @@ def make_scene(name: str = "scene", **settings: Any) -> Scene:
         [s]. Profiles are numbers or expressions as text, in x, and those of youngs_modulus, damping
         and force in x and t; docs/adding-a-scene.md has all.
 
-    Returns
-    -------
-    Scene
-
     Raises
     ------
     ConfigError
@@ -54,10 +50,6 @@ def load_scene(path: str | Path, name: str | None = None) -> Scene:
     path : str or Path
     name : str, optional
         Which scene; not needed where the file has one.
-
-    Returns
-    -------
-    Scene
 
     Raises
     ------

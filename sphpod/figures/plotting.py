@@ -29,7 +29,7 @@ from matplotlib.gridspec import GridSpec
 from matplotlib.patches import Circle
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
-from sphpod.numerics.error import Arrays
+from sphpod.numerics.error import FIELDS, Arrays
 from sphpod.pipeline import dataset
 
 Look = Mapping[str, Any]  # keyword arguments of Axes.plot
@@ -78,8 +78,6 @@ UNRESOLVED_LABEL = "modes near rounding"
 WHITE_BOX = {"facecolor": "white", "edgecolor": "none", "pad": 0.5}
 NOTE: Look = {"color": DIM, "fontsize": SMALL, "zorder": 2, "bbox": WHITE_BOX}
 """Look of a text beside what is drawn."""
-
-FIELDS = ("velocity", "density")
 
 SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SUBSCRIPTS = str.maketrans("0123456789", "₀₁₂₃₄₅₆₇₈₉")

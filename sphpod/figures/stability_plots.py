@@ -303,11 +303,7 @@ def _signed(value: float) -> str:
 # --- Growth ---------------------------------------------------------------------------------------
 
 
-HORIZON_LOOKS: tuple[Look, ...] = (
-    {"color": BLUE, "marker": "o"},
-    {"color": VERMILLION, "marker": "s"},
-    {"color": GREEN, "marker": "^"},
-)
+HORIZON_LOOKS = SCENE_LOOKS[:3]
 BREAKDOWN_LOOK: Look = {"color": BLACK, "marker": "D"}
 CONSERVING_LOOKS: dict[str, Look] = {
     "symplectic_euler": {"color": PURPLE, "marker": "v", "markersize": 4},

@@ -146,10 +146,7 @@ class Course:
         What a force does through any response that is a polynomial of degree below `NODES`, it does
         through these values too.
 
-        Parameters
-        ----------
-        low, high : arrays, shape (intervals,)
-            Ends of ascending intervals that do not overlap [s].
+        Parameters are those of `departures`.
 
         Returns
         -------

@@ -25,6 +25,9 @@ from typing import Any
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+SHORTEST = 0.02
+"""Seconds that a timed run lasts at least; a shorter one is repeated until it does."""
+
 
 class Buffers:
     """Arrays that runs of one shape share, written to before any of them runs."""
@@ -41,7 +44,7 @@ class Buffers:
         return run
 
 
-def warm_up(run: Callable[[], object], shortest: float) -> int:
+def warm_up(run: Callable[[], object], shortest: float = SHORTEST) -> int:
     """Warm a run, and say how often it is to be run for a time of ``shortest`` seconds."""
     for _ in range(2):
         start = time.thread_time()

@@ -20,19 +20,9 @@ from sphpod.studies.comparison import near_rounding
 from sphpod.studies.variants import OWN
 
 COLUMNS = (
-    "id",
-    "section",
-    "scene",
-    "sampling",
-    "claim",
-    "criterion",
-    "paper",
-    "reproduced",
-    "relative_difference",
-    "tolerance",
-    "verdict",
-    "near_rounding",
-)
+    "id", "section", "scene", "sampling", "claim", "criterion", "paper", "reproduced",
+    "relative_difference", "tolerance", "verdict", "near_rounding",
+)  # fmt: skip
 
 PLACE_KEYS = ("samplings", "studies", "places")
 """Where a criterion looks, if not at the scene and sampling of its claim."""

@@ -444,21 +444,10 @@ def kernel_support(paper: Paper) -> Iterator[Row]:
 
 
 STUDIES = (
-    time_stepping,
-    smoothing_ratio,
-    larger_smoothing_ratio,
-    modulus,
-    wavenumber,
-    exact_reference,
-    reference_resolution,
-    density_shift,
-    rounded_beta,
-    error_norm,
-    snapshots,
-    mode_numbers,
-    chain,
+    time_stepping, smoothing_ratio, larger_smoothing_ratio, modulus, wavenumber, exact_reference,
+    reference_resolution, density_shift, rounded_beta, error_norm, snapshots, mode_numbers, chain,
     kernel_support,
-)
+)  # fmt: skip
 
 
 # Other time steppings -----------------------------------------------------------------------------

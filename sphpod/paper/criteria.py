@@ -17,14 +17,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sphpod.numerics.error import Arrays
+from sphpod.numerics.error import FIELDS, Arrays
 from sphpod.scene import kernel
 from sphpod.studies import comparison
 
 Place = Mapping[str, Arrays]
 """Datasets of one scene and sampling, by the names in `FILES`."""
-
-FIELDS = ("velocity", "density")
 
 FILES = {
     "errors": "{scene}/errors.nc",

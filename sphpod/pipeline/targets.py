@@ -40,10 +40,6 @@ def refusal(target: str, made: Sequence[str], root: str, words: Sequence[str], n
     words : list
         Targets without a file.
     names : callable
-
-    Returns
-    -------
-    str
     """
     path, output = PurePath(target), PurePath(root)
     tops = list(dict.fromkeys(one.partition("/")[0] for one in made))

@@ -233,10 +233,8 @@ class LiftedModel:
         Returns
         -------
         dict
-            reduced_operator A (states, states) [1/s] and reduced_force F (states, terms), f the
-            courses of the force's terms in time, one of nothing without a force; velocity_output
-            and strain_output (states, N), of which the fields are xᵀ times these. Empty where A
-            would change with time.
+            As from `rom.ReducedModel.system`, with strain_output in the place of density_output
+            and no reduced_constant.
         """
         if not self.scene.is_steady:
             return {}

@@ -32,23 +32,10 @@ from sphpod.scene.values import check_products, check_values
 logger = logging.getLogger(__name__)
 
 PHYSICS_KEYS = (
-    "domain_length",
-    "boundary",
-    "duration",
-    "initial_velocity",
-    "start",
-    "initial_density",
-    "youngs_modulus",
-    "damping",
-    "force",
-    "particle_count",
-    "smoothing_ratio",
-    "time_step",
-    "error_interval",
-    "interface",
-    "positions",
-    "parameters",
-)
+    "domain_length", "boundary", "duration", "initial_velocity", "start", "initial_density",
+    "youngs_modulus", "damping", "force", "particle_count", "smoothing_ratio", "time_step",
+    "error_interval", "interface", "positions", "parameters",
+)  # fmt: skip
 """The settings of a scene that its solutions depend on; samplings, figures and the like do not."""
 
 PROFILES = ("initial_velocity", "initial_density", "youngs_modulus", "damping", "force")

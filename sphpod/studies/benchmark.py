@@ -19,6 +19,7 @@ from threadpoolctl import threadpool_limits
 from sphpod.full import lifted, sph
 from sphpod.numerics import timing
 from sphpod.numerics.error import FIELDS, Arrays, relative_error
+from sphpod.numerics.timing import SHORTEST
 from sphpod.reduced import lifted_rom, pod, snapshots
 from sphpod.reduced.rom import acceleration_contenders, freeze_steps, galerkin, modes_resolved
 from sphpod.reduced.sweep import ReducedRun
@@ -40,9 +41,6 @@ EULER_STEPS = (2, 0.5, 0.25)
 
 TOLERANCES = {"rk45": (1e-3, 1e-5, 1e-7), "dop853": (1e-4, 1e-6, 1e-8)}
 """Relative tolerances of adaptive integrators."""
-
-SHORTEST = 0.02
-"""Seconds that a timed run lasts at least; a shorter one is repeated until it does."""
 
 
 @dataclass(frozen=True)

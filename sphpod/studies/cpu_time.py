@@ -38,9 +38,8 @@ def compare(
     Returns
     -------
     dict
-        contender, contender_mode_count (0 for full models), n_freeze (0 where nothing is frozen),
-        each of shape (contenders,); cpu_seconds (contenders, turns) [s], each turn with arrays in
-        other places.
+        contender, contender_mode_count, n_freeze and cpu_seconds, as `dataset.VARIABLES` describes
+        them; each turn with arrays in other places.
     """
     contenders = [(baseline, 0) for baseline in BASELINES]
     contenders += [(name, k) for k in mode_counts for name in acceleration_contenders(n_freeze)]
@@ -80,13 +79,7 @@ def turns(
 def rows(place: Mapping[str, str], measured: Arrays, settings: Mapping[str, Any]) -> dict[str, Any]:
     """Median CPU time of each contender, its spread, and what it saves against each baseline.
 
-    Returns
-    -------
-    dict
-        The columns: place, contender, mode_count, n_freeze, cpu_seconds_median,
-        cpu_seconds_interquartile_range [s], repeats, machine, and
-        saving_against_sph_neighbour_lists, saving_against_sph_stencil: the part of the baseline's
-        time that the contender does not take, negative if it takes more; each (contenders,).
+    That is the part of the baseline's time that it does not take, negative if it takes more.
     """
     lower, median, upper = np.quantile(measured["cpu_seconds"], (0.25, 0.5, 0.75), axis=1)
     names = list(measured["contender"])

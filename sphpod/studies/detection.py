@@ -23,9 +23,6 @@ from sphpod.studies.study import EVEN, Dataset, Study, scenes
 ALLOWED = 0.02
 """Part of a full model's time that watching may take."""
 
-SHORTEST = 0.02
-"""Seconds that a timed run lasts at least."""
-
 OUTPUTS = 1000
 """Outputs of a run at most: what watching takes is the same part of a longer one."""
 
@@ -62,7 +59,7 @@ def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
             spacers.append(np.zeros(first + 1))
             march = _prepare(scene, name, integrator).march
             runs += [partial(march, *kept, watch) for watch in _order(place)]
-        numbers = [timing.warm_up(run, SHORTEST) for run in runs]
+        numbers = [timing.warm_up(run) for run in runs]
         # Both of a pair are run equally often.
         pairs = zip(numbers[::2], numbers[1::2], strict=True)
         numbers = [max(pair) for pair in pairs for _ in pair]

@@ -297,13 +297,9 @@ def rows(place: Mapping[str, Any], arrays: Arrays) -> Iterator[dict[str, Any]]:
 
 
 def random_rows(place: Mapping[str, Any], arrays: Arrays) -> list[dict[str, Any]]:
-    """The row of a table for the random bases of a scene, the worst of each number.
+    """The row of a table for the random bases of a scene: the worst of each number.
 
-    Returns
-    -------
-    list of one dict
-        Also bases, how many there are, and how many of them grow by more than rounding explains:
-        euclidean_growing and energy_growing.
+    Beside it stands how many bases there are, and grow by more than rounding explains.
     """
     plain, energetic, size = (
         arrays[f"random_{name}"]

@@ -30,9 +30,6 @@ MODES = 12
 OUTPUTS = 100
 """Intervals between the outputs of a training run."""
 
-SHORTEST = 0.02
-"""Seconds that a timed run lasts at least."""
-
 TURNS = 3
 """How many turns are taken for one repeat: what is skipped may be a small part of a run."""
 
@@ -82,7 +79,7 @@ def measure(scene: Scene, repeats: int) -> dict[str, np.ndarray]:
     """
     pairs = _pairs(scene)
     runs = [run for pair in pairs for run in (pair.without, pair.general)]
-    numbers = [timing.warm_up(run, SHORTEST) for run in runs]
+    numbers = [timing.warm_up(run) for run in runs]
     seconds = timing.measure(runs, TURNS * repeats, numbers)
     return {
         "skipped": np.array([pair.skipped for pair in pairs]),

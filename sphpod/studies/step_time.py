@@ -36,15 +36,7 @@ def compare(scene: Scene, repeats: int, step_count: int = 2000) -> dict[str, np.
 
 
 def rows(place: Mapping[str, str], measured: Arrays, settings: Mapping[str, Any]) -> dict[str, Any]:
-    """Median time of a step [s], its spread, and how many times faster than the sparse loop it is.
-
-    Returns
-    -------
-    dict
-        The columns: scene, particle_count, contender, step_seconds_median,
-        step_seconds_interquartile_range [s], repeats, machine, and
-        speedup_against_sph_sparse_loop; each (contenders,).
-    """
+    """Median time of a step [s], its spread, and how many times as fast as a sparse loop it is."""
     lower, median, upper = np.quantile(measured["step_seconds"], (0.25, 0.5, 0.75), axis=1)
     loop = median[list(measured["contender"]).index("sph_sparse_loop")]
     return {

@@ -36,9 +36,6 @@ QUERIES = 8
 AT_ONCE = 1000
 """Queries that the reduced model without bounds answers in a run, at least."""
 
-SHORTEST = 0.02
-"""Seconds that a timed run lasts at least; a shorter one is repeated until it does."""
-
 VARIABLES = meanings(
     """
     query_error (contender_index) [1]: largest relative error of the queries, as true_error
@@ -161,7 +158,7 @@ def measure(
         ),
     ]
     runs = [contender.answer for contender in contenders]
-    numbers = [timing.warm_up(run, SHORTEST) for run in runs]
+    numbers = [timing.warm_up(run) for run in runs]
     train = partial(_train, name, settings, survey)
     seconds = timing.measure([*runs, train], survey["cost_repeats"], [*numbers, 1])
     rounds = np.array([contender.rounds for contender in contenders])
