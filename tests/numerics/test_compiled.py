@@ -2,6 +2,7 @@
 
 import re
 
+import pytest
 from numba.core.dispatcher import Dispatcher
 from scenes import VARIED, scene
 
