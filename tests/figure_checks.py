@@ -24,10 +24,11 @@ def check_layout(figure: Figure) -> None:
         assert page.containsy(box.y1), text
         for other, other_box in boxes[number + 1 :]:
             assert not box.overlaps(other_box), (text, other)
+    legends = [legend.get_window_extent(renderer) for legend in figure.findobj(Legend)]
     for axes in figure.axes:
         assert axes.has_data()
-        for legend in figure.findobj(Legend):
-            assert not legend.get_window_extent(renderer).overlaps(axes.get_window_extent(renderer))
+        panel = axes.get_window_extent(renderer)
+        assert not any(legend.overlaps(panel) for legend in legends)
 
 
 def visible_texts(figure: Figure) -> list[Text]:

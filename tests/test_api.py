@@ -356,6 +356,7 @@ def test_an_installed_package_has_the_files_that_it_reads():
             assert any(fnmatch.fnmatch(path.name, pattern) for pattern in declared), path.name
 
 
+@pytest.mark.slow
 def test_numerics_need_no_package_of_the_workflow():
     program = (
         "import sys, sphpod; [getattr(sphpod, name) for name in sphpod.__all__];"

@@ -350,6 +350,7 @@ def test_results_are_read_as_written(document, example, monkeypatch, capsys):
     assert document != "README.md" or f"{float(printed[0]):.3e}" == "4.520e-02"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("document", ["README.md", "docs/quickstart.md"])
 def test_quick_start_prints_what_it_says(document, tmp_path, monkeypatch, capsys):
     """Its blocks are one program, which runs without the workflow; comments are what it prints."""

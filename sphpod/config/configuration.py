@@ -120,6 +120,7 @@ def configuration() -> type[Configuration]:
     )
 
 
+@cache
 def schema() -> dict[str, Any]:
-    """The JSON schema of a configuration, made of the models."""
+    """The JSON schema of a configuration, made of the models, which nobody changes."""
     return configuration().model_json_schema()

@@ -99,6 +99,7 @@ def distance(found, expected):
     return np.abs(found - expected).max() / np.abs(expected).max()
 
 
+@pytest.mark.slow
 @each
 def test_the_lifted_model_is_that_of_the_formulas(changes):
     """Exact but for an error of its steps, which it states; fronts travel too fast for scipy."""
@@ -146,6 +147,7 @@ def test_steps_of_the_exact_model_have_order_four(name):
     assert np.log2(gaps[1] / gaps[2]) == pytest.approx(4, abs=0.3)
 
 
+@pytest.mark.slow
 @each
 def test_full_sph_and_the_original_model_of_all_modes_are_the_same(changes):
     """And both repeat explicit Euler of the formulas, whatever the neighbours are found by."""

@@ -2,6 +2,7 @@
 
 import re
 
+import pytest
 from numba.core.dispatcher import Dispatcher
 from scenes import VARIED, scene
 
@@ -28,6 +29,7 @@ SCENES: tuple[dict, ...] = (
 )
 
 
+@pytest.mark.slow
 def test_every_kernel_has_one_signature(monkeypatch):
     """Only so can jobs that compile the same kernel at once not spoil each other's cache."""
     for changes in SCENES:

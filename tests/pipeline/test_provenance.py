@@ -127,6 +127,7 @@ def test_unknown_functions_are_refused():
             provenance.digest(root)
 
 
+@pytest.mark.slow
 def test_comments_docstrings_and_layout_do_not_count(package):
     before = digest("sph")
     sph = package / "full" / "sph.py"
@@ -171,6 +172,7 @@ def test_data_files_count_where_they_are_named(package):
     assert after[1] == before[1]
 
 
+@pytest.mark.slow
 def test_the_script_counts_but_neither_its_place_nor_its_words_nor_its_date(tmp_path):
     scripts = ROOT / "workflow" / "scripts"
     script = tmp_path / "sph.py"

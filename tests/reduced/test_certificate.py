@@ -100,6 +100,7 @@ def test_certified_errors_are_those_of_reconstructed_fields(changes):
     assert arrays["bound_slack"] == pytest.approx([slack], rel=1e-6, abs=1e-13)
 
 
+@pytest.mark.slow
 @each
 def test_a_sweep_certifies_as_single_models_do(changes):
     case = scene(**changes, initial_velocity=TENS)

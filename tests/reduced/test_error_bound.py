@@ -228,6 +228,7 @@ def test_bounds_are_sharp_whatever_the_outputs_and_the_damping(interval, rate):
 PULSES = [f"where(0.303 < t < 0.303 + {width}, {1e-3 / width}, 0)" for width in (1e-3, 1e-6, 1e-9)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("course", [*PULSES, "sin(70*t)", "abs(cos(9*t))"])
 @pytest.mark.parametrize("rate", [0, VARIED["damping"], "where(x/L < 0.35, 0, 8)"])
 def test_what_happens_between_outputs_is_in_the_bound(course, rate):

@@ -379,6 +379,7 @@ def test_the_exact_solution_is_the_standing_wave(boundary):
     assert np.abs(found - expected).max() < 1e-12 * 1e-3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("boundary", [["fixed", "fixed"], ["fixed", "free"]])
 @pytest.mark.parametrize("damping", [0, 0.2])
 def test_a_bar_that_is_pushed_all_alike_moves_as_its_modes_do(boundary, damping):

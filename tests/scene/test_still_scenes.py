@@ -102,6 +102,7 @@ def test_lifted_models_and_their_bounds(name):
     assert not [row for row in rows if np.inf in row.values()]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["still", "late profile", "late and jittered", "constant"])
 def test_figures_scale_to_what_moves(name):
     case, full, taken, _, against = solved(name)

@@ -187,6 +187,7 @@ def test_a_force_that_is_broken_in_one_step_is_caught_at_the_next_output(name, s
         assert caught.value.time == pytest.approx(output)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", CASES.values(), ids=CASES)
 @pytest.mark.parametrize("integrator", [*lifted.ADAPTIVE, "exact"])
 @pytest.mark.filterwarnings("ignore:(invalid value|overflow):RuntimeWarning")

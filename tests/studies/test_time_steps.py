@@ -101,6 +101,7 @@ def test_what_is_reported_of_full_models(changes, tmp_path):
     np.testing.assert_allclose(differences(arrays), 0, atol=1e-4)
 
 
+@pytest.mark.slow
 @each
 def test_reduced_models_grow_from_the_predicted_step_on(changes, tmp_path):
     case = scene(initial_velocity=THREE_WAVES, **changes)

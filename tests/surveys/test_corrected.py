@@ -48,6 +48,7 @@ def test_the_bound_holds_whatever_the_shift_is(surveys, case, shift, shared, mon
         assert np.all(error <= answer.bound + 1e-11 * answer.largest_norm)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("damping", "most"),
     [("decay", 3), ("decay*(1 + 0.9*sin(2*pi*x/L))", 4), ("where(x < L/4, 3*decay, 0)", 12)],

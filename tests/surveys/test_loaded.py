@@ -148,6 +148,7 @@ def test_a_line_that_may_fold_is_a_row_with_its_reason() -> None:
     assert "the line may fold" in str(fast(stiffness=0.1)["reason"].values)
 
 
+@pytest.mark.slow
 def test_modes_are_as_few_as_meet_the_tolerance() -> None:
     counts = []
     for tolerance in (1e-1, 1e-4):
@@ -274,6 +275,7 @@ def test_negative_uneven_damping_is_a_reason() -> None:
     assert found["reason"].values[1] == ""
 
 
+@pytest.mark.slow
 def test_a_force_that_parameters_only_scale_has_one_course() -> None:
     physics, keys, model = trained(UNEVEN)
     reduced, _ = answers.of_settings("bar", physics, keys, model)

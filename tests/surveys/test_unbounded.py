@@ -82,6 +82,7 @@ def test_oscillators_answer_as_queries_with_bounds_do(case, monkeypatch) -> None
     assert_same(found, bounded, QUANTITIES)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", sorted(ONE_BY_ONE))
 def test_so_do_those_that_are_no_oscillators(case) -> None:
     physics, keys, model, points = made(ONE_BY_ONE[case])
