@@ -62,7 +62,12 @@ EDITS = {
 
 def digest():
     """Of all functions together, which holds what that of any of them holds."""
-    for cached in (provenance._module, provenance._uses, provenance._structure_of):
+    for cached in (
+        provenance.digest,
+        provenance._module,
+        provenance._uses,
+        provenance._structure_of,
+    ):
         cached.cache_clear()
     return provenance.digest(*sorted(COMPUTED))
 
