@@ -62,7 +62,7 @@ def resolved_parameters(name: str, settings: Mapping[str, Any]) -> dict[str, dic
             allowed = f"it must lie in the range {checks.number(low)} to {checks.number(high)}"
             raise refusal(name, f"{key}.nominal", given["nominal"], allowed)
         for of, text, formula in _formulas(settings):
-            if any(word in reads(bounds) for bounds in _bounds_of_sums(formula)):
+            if word in _counted_to(formula):
                 allowed = (
                     f"the range of a sum holds the parameter {word}, which is any number from "
                     f"{checks.number(low)} to {checks.number(high)}; it must be of whole numbers"
@@ -188,8 +188,15 @@ def _formulas(settings: Mapping[str, Any]) -> Iterator[tuple[str, str, ast.AST]]
                     yield f"{of}.{part}".rstrip("."), str(text), tree
 
 
-def _bounds_of_sums(formula: ast.AST) -> Iterator[ast.AST]:
-    """Ranges of the sums in a formula."""
-    for node in ast.walk(formula):
-        if isinstance(node, ast.comprehension) and isinstance(node.iter, ast.Call):
-            yield node.iter
+def _counted_to(formula: ast.AST) -> set[str]:
+    """Names in the ranges of sums, but within functions: what nth chooses may be whole."""
+    ranges = [
+        node.iter
+        for node in ast.walk(formula)
+        if isinstance(node, ast.comprehension) and isinstance(node.iter, ast.Call)
+    ]
+    parts: list[ast.AST] = [part for each in ranges for part in each.args]
+    for part in parts:
+        if not isinstance(part, ast.Call):
+            parts += ast.iter_child_nodes(part)
+    return {part.id for part in parts if isinstance(part, ast.Name)}
