@@ -21,6 +21,7 @@ for folds.
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from numbers import Real
 
 import numpy as np
 
@@ -50,6 +51,9 @@ FIXED_STEP = ("explicit_euler", "symplectic_euler", "leapfrog")
 ADAPTIVE = ("rk45", "dop853")
 INTEGRATORS = (*FIXED_STEP, *ADAPTIVE, "exact")
 """How the model is stepped; the adaptive ones are scipy's Runge-Kutta pairs."""
+
+TIGHTEST = 3e-14
+"""Relative tolerance of an adaptive integrator that rounding still meets."""
 
 VALUES_AT_ONCE = 2**18
 """Values of a field between outputs that are looked at together, which bounds the memory."""
@@ -142,7 +146,7 @@ def solve(
         The solution became non-finite, or its Jacobian 1 + e stopped being positive.
     """
     if integrator in ("symplectic_euler", "leapfrog"):
-        warn_of_step(scene, integrator, time_step or scene.time_step)
+        warn_of_step(scene, integrator, _own_step(scene, time_step))
     run = prepare(scene, integrator, time_step, tolerance, start).solve()
     solution = run.stored()
     if isinstance(run.march, Stepped):
@@ -166,8 +170,11 @@ def prepare(
     """
     begin = start or (scene.velocity0(), scene.starting_strain())
     if integrator in FIXED_STEP:
-        march = _fixed_step(scene, integrator, time_step or scene.time_step, begin)
+        march = _fixed_step(scene, integrator, _own_step(scene, time_step), begin)
     elif integrator in ADAPTIVE:
+        if not (_is_number(tolerance) and TIGHTEST <= tolerance < 1):
+            allowed = f"it must be a number from {TIGHTEST:g} to below 1"
+            raise ValueError(f"scene {scene.name}: tolerance = {tolerance!r}: {allowed}")
         march = _adaptive(scene, integrator, tolerance, begin)
         if scene.is_steady:
             march = _resolved(scene, integrator, tolerance, march)
@@ -192,6 +199,20 @@ def is_uniform(scene: Scene) -> bool:
 
 
 # --- Fixed steps ----------------------------------------------------------------------------------
+
+
+def _is_number(value):
+    return isinstance(value, Real) and not isinstance(value, bool)
+
+
+def _own_step(scene, time_step):
+    """The time step that is given, or the scene's [s]."""
+    if time_step is None:
+        return scene.time_step
+    if not (_is_number(time_step) and 0 < time_step < np.inf):
+        allowed = f"it must be a positive number, as the scene's {scene.time_step:g}"
+        raise ValueError(f"scene {scene.name}: time_step = {time_step!r}: {allowed}")
+    return float(time_step)
 
 
 def _fixed_step(scene, integrator, dt, begin):
@@ -732,7 +753,7 @@ def _adaptive(scene, integrator, tolerance, begin):
         courses += () if one is None else one.courses
     # No step is longer than a force is a polynomial, so that none steps over a pulse.
     parts = spans(courses, times[-1])
-    options = {"method": integrator.upper(), "rtol": max(tolerance, 3e-14), "atol": absolute}
+    options = {"method": integrator.upper(), "rtol": tolerance, "atol": absolute}
 
     def fill(velocity, strain):
         _show_start(begin, velocity, strain)

@@ -201,6 +201,30 @@ def test_counts_without_end_are_refused(content, answer):
     assert str(caught.value).startswith(answer)
 
 
+@pytest.mark.parametrize(
+    ("changes", "answer"),
+    [
+        ({"duration": 1e308}, "duration = 1.0e+308: it must be a positive number from 1e-100"),
+        ({"time_step": 1e-300}, "time_step = 1.0e-300: at least T/1e+09 = 1e-09 is needed"),
+        ({"error_interval": 1e-9}, "error_interval = 1.0e-09: at least T/1e+06 = 1e-06 is needed"),
+        ({"domain_length": 1e-200}, "domain_length = 1e-200: it must be a positive number from"),
+        ({"smoothing_ratio": 1e308}, "smoothing_ratio = 1e+308: the kernel's support of 4h wraps"),
+        ({"initial_density": 1e200}, "initial_density = 1e+200: it is 1e+200, and must be from"),
+        ({"youngs_modulus": 1e-200}, "youngs_modulus = 1e-200: it is 1e-200, and must be from"),
+        ({"initial_velocity": 1e200}, "initial_velocity = 1e+200: its largest size is 1e+200"),
+        ({"force": {"time": 1e-200, "profile": "x"}}, "force.time = 1e-200: its largest size is"),
+        (MANY | {"error_interval": 1e-4}, "error_interval = 0.0001: 10001 outputs of 100000 part"),
+        ({"force": "t", "time_step": 1e-8}, "time_step = 1.0e-08: the force in 100000000 time s"),
+        (MANY | {"smoothing_ratio": 2e4}, "smoothing_ratio = 20000: each of 100000 particles wou"),
+    ],
+)
+def test_a_scene_at_the_edge_is_held_to_the_same_sizes(changes, answer):
+    edge = {"edge_scenes": {"edge": SCENE | changes}}
+    with pytest.raises(ConfigError) as caught:
+        config.load([], {"scenes": {"wave": SCENE}, "stability": edge})
+    assert str(caught.value).startswith(f"scene edge: {answer}")
+
+
 def test_a_hidden_folder_is_an_output():
     assert config.load([], {"scenes": {"wave": SCENE}, "output": ".mine/x"})["output"] == ".mine/x"
 

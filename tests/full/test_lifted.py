@@ -292,6 +292,19 @@ def test_time_steps_that_do_not_divide_the_error_interval_are_refused(dt):
         lifted.solve(scene(), "leapfrog", time_step=dt)
 
 
+@pytest.mark.parametrize("step", [0, -0.1, np.inf, np.nan, "0.1", "", [], True])
+def test_a_time_step_that_is_none_is_refused(step):
+    with pytest.raises(ValueError, match=r"scene test: time_step = .*: it must be a positive numb"):
+        lifted.solve(scene(), "leapfrog", time_step=step)
+
+
+@pytest.mark.parametrize("tolerance", [0, -1e-8, 1e-300, 1, np.nan, "1e-8", None])
+def test_a_tolerance_that_nothing_meets_is_refused(tolerance):
+    told = r"scene test: tolerance = .*: it must be a number from 3e-14 to below 1"
+    with pytest.raises(ValueError, match=told):
+        lifted.solve(scene(), "dop853", tolerance=tolerance)
+
+
 def test_unknown_integrators_are_refused():
     with pytest.raises(ValueError, match="integrator = euler: allowed are explicit_euler, "):
         lifted.solve(scene(), "euler")
