@@ -106,20 +106,10 @@ def draw(pairs: Arrays) -> "Figure":
         # The pattern is fixed to the page, so that neighbouring pairs have one.
         noise = np.ma.masked_where(pairs["pair_resolved"].astype(bool), np.zeros(ratio.shape))
         if noise.count():
-            look: dict[str, Any] = {
-                "facecolor": "none",
-                "edgecolor": DIM,
-                "hatch": "//////",
-                "linewidth": 0,
-            }
-            axes.pcolor(*edges, noise, **look)
+            axes.pcolor(*edges, noise, facecolor="none", edgecolor=DIM, hatch="//////", linewidth=0)
         for row, column in np.argwhere(ratio < 1):
-            dot: dict[str, Any] = {
-                "color": "white",
-                "markeredgecolor": BLACK,
-                "markeredgewidth": 0.4,
-            }
-            axes.plot(edges[0][column] + 0.5, edges[1][row] + 0.5, "o", markersize=2, **dot)
+            dot = edges[0][column] + 0.5, edges[1][row] + 0.5
+            axes.plot(*dot, "ow", markersize=2, markeredgecolor=BLACK, markeredgewidth=0.4)
         axes.set(xlabel="density modes kρ", ylabel="velocity modes kv")
         for axis in (axes.xaxis, axes.yaxis):
             axis.set_major_locator(MaxNLocator(6, integer=True, steps=(1, 2, 5, 10)))
