@@ -48,6 +48,7 @@ def test_editors_get_the_schema(capsys):
     assert json.loads(capsys.readouterr().out) == schema()
 
 
+@pytest.mark.slow
 def test_it_is_a_command_of_the_package():
     run = subprocess.run(
         [sys.executable, "-m", "sphpod", "check", "config/nothing.yaml"],

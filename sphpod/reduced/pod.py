@@ -6,10 +6,11 @@ snapshots that are rounded differently, with rows and columns in the reverse ord
 """
 
 from collections.abc import Iterable
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from sphpod.numerics.error import FIELDS, Arrays
 
@@ -100,7 +101,7 @@ def modes(snapshots: np.ndarray, twins: np.ndarray | None = None) -> Modes:
     twins = snapshots if twins is None else checked("twins of the snapshots", twins)
     # Threads share sums among them, and modes of small singular values magnify how those are
     # rounded.
-    with threadpool_limits(1, "blas"):
+    with _libraries().limit(limits=1, user_api="blas"):
         _, singular_values, rows = np.linalg.svd(snapshots, full_matrices=False)
         _, _, others = np.linalg.svd(twins[::-1, ::-1], full_matrices=False)
         rounding, span_rounding = _turned(rows, others[:, ::-1])
@@ -109,6 +110,12 @@ def modes(snapshots: np.ndarray, twins: np.ndarray | None = None) -> Modes:
     largest = np.argmax(size >= (1 - ties) * size.max(axis=1, keepdims=True), axis=1)
     signs = np.sign(rows[np.arange(len(rows)), largest])
     return Modes(rows * signs[:, None], singular_values, rounding, span_rounding)
+
+
+@cache
+def _libraries() -> ThreadpoolController:
+    """Those that have threads: to look for them takes longer than to decompose a few snapshots."""
+    return ThreadpoolController()
 
 
 def _turned(rows, others):

@@ -37,6 +37,7 @@ def test_velocities_of_both_models_are_near_those_of_full_sph(solved):
         np.testing.assert_allclose(found, full["velocity"][rows], atol=0.02 * size)
 
 
+@pytest.mark.slow
 def test_an_animation_has_its_frames_and_is_the_same_each_time(solved, tmp_path, monkeypatch):
     monkeypatch.setattr(animation, "FRAMES", 6)
     _, full, original, linear = solved

@@ -251,6 +251,7 @@ def pixels(axes: Axes) -> np.ndarray:
     return np.asarray(axes.images[0].get_array())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_nothing_overlaps_and_no_panel_is_empty(name: str) -> None:
     check_layout(figure_of(name))

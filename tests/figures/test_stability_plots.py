@@ -282,6 +282,7 @@ FIGURES: dict[str, Callable[[], Figure]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 def test_nothing_overlaps_and_text_has_print_size(name: str) -> None:
     figure = FIGURES[name]()

@@ -212,6 +212,7 @@ def test_damping_that_is_faster_than_waves_shortens_the_steps():
         np.testing.assert_allclose(velocity, expected[:, None] + 0 * velocity, atol=1e-11)
 
 
+@pytest.mark.slow
 @each
 @pytest.mark.parametrize(
     ("method", "integrator"), [("lifted_exact", "exact"), ("lifted_euler", "explicit_euler")]

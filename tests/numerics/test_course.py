@@ -281,6 +281,7 @@ def response(matrix, push, text, points, end):
     return (vectors @ result[:-1]).real, result[-1].real
 
 
+@pytest.mark.slow
 @examples(10)
 @given(models(), forces(), st.sampled_from([2, 3, 12, 201]))
 def test_any_force_does_what_quadrature_says(model, force, outputs):
@@ -468,6 +469,7 @@ def test_a_force_with_a_pole_between_outputs_is_refused(time, at):
         check(scene(force=time))
 
 
+@pytest.mark.slow
 def test_a_force_that_cannot_be_followed_is_reported_once(caplog):
     case = scene("rough", force="where(sin(1e6*t) > 0, 1e-3, -1e-3)")
     for _ in range(2):

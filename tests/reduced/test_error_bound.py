@@ -164,6 +164,7 @@ def test_the_energy_identity_is_as_sharp_as_can_be():
     assert length <= bound[-1] <= 1.002 * length
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "course",
     ["0", "cos(3*t)", "sin(60*t)", "where(0.303 < t < 0.3041, 40, 0)", "abs(t - 0.37)", "sqrt(t)"],

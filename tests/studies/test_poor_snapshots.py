@@ -41,6 +41,7 @@ def studied(name):
     return poor_snapshots.study(case, taken, exact, LEVELS, mode_count=8, seed=0)
 
 
+@pytest.mark.slow
 @each
 def test_every_defect_gives_an_error_within_its_bound_or_a_refusal(name):
     arrays = studied(name)

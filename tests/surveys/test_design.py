@@ -207,6 +207,7 @@ def test_all_queries_of_the_search_lie_within_the_ranges() -> None:
     assert SCENE["parameters"].keys() <= rows.keys()
 
 
+@pytest.mark.slow
 def test_a_survey_without_a_design_depends_on_nothing_of_it() -> None:
     for job in ("training_run", "model", "queries", "answers", "validated", "shared_out"):
         used = map(str, provenance.closure(f"surveys.jobs.{job}"))

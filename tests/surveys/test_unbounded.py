@@ -71,6 +71,7 @@ def assert_same(found, bounded, quantities) -> None:
         np.testing.assert_allclose(found[name], bounded[name], rtol=1e-10, atol=1e-10 * size)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", sorted(CASES))
 def test_oscillators_answer_as_queries_with_bounds_do(case, monkeypatch) -> None:
     physics, keys, model, points = made(CASES[case])
