@@ -43,6 +43,10 @@ REFERENCES = {
 def solve_sph(scene: Scene) -> "xarray.Dataset":
     """Full SPH with explicit Euler steps, (2.10) and (2.11).
 
+    Parameters
+    ----------
+    scene : Scene
+
     Returns
     -------
     xarray.Dataset
@@ -66,6 +70,7 @@ def solve_lifted(
 
     Parameters
     ----------
+    scene : Scene
     integrator : {"exact", "explicit_euler", "symplectic_euler", "leapfrog", "rk45", "dop853"}
     time_step : float, optional
         Fixed step [s] of explicit_euler, symplectic_euler and leapfrog; the scene's if not given.
@@ -93,6 +98,7 @@ def solve_reference(scene: Scene, kind: str) -> "xarray.Dataset":
 
     Parameters
     ----------
+    scene : Scene
     kind : {"fd", "centred", "chain", "exact", "modified"}
         The paper's finite differences; centred ones, with an estimate of their error; an exact
         solution; or that of the equations that SPH is consistent with.
@@ -124,6 +130,7 @@ def take_snapshots(scene: Scene, **sampling: Any) -> "xarray.Dataset":
 
     Parameters
     ----------
+    scene : Scene
     **sampling
         range [s] and count: evenly spaced, the right end excluded, or with a seed distinct random
         time steps; or velocity_times and density_times [s].
@@ -182,6 +189,7 @@ def decompose_lifted(scene: Scene, snapshots: Data) -> "xarray.Dataset":
 
     Parameters
     ----------
+    scene : Scene
     snapshots : dataset
         As from `take_snapshots`; the twins may be missing.
 
@@ -206,6 +214,7 @@ def solve_reduced(scene: Scene, method: str, modes: Data, mode_count: int) -> "x
 
     Parameters
     ----------
+    scene : Scene
     method : str
         original, the projected equations (section 2.3); linearized, or frozen1, frozen2, … with
         coefficients that stand for so many steps (section 2.4), (2.21) to (2.24); lifted_euler,
@@ -251,6 +260,7 @@ def sweep(
 
     Parameters
     ----------
+    scene : Scene
     method, modes
         As in `solve_reduced`.
     mode_counts : ints
@@ -349,6 +359,7 @@ def compare(scene: Scene, full: Data, references: Mapping[str, Data]) -> "xarray
 
     Parameters
     ----------
+    scene : Scene
     full : dataset
         Of `solve_sph`.
     references : mapping
@@ -382,6 +393,7 @@ def plot_profile(
 
     Parameters
     ----------
+    scene : Scene
     solution : dataset
         Of any model or reference.
     fields : names
@@ -408,8 +420,10 @@ def plot_modes(scene: Scene, modes: Data, count: int = 12) -> "Figure":
 
     Parameters
     ----------
+    scene : Scene
     modes : dataset
         Of `decompose`.
+    count : int
 
     Raises
     ------
