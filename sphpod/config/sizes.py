@@ -31,6 +31,9 @@ IN_ROW = 5
 FORCE_OF_STEP = 24, 192
 """Bytes that a step with a force takes in full SPH, and on the four times finer grid beside it."""
 
+PRODUCT_OF_STEP = 8, 116
+"""The same of each further product of a function of t and one of x in it, or in a coefficient."""
+
 STEP = 1.6e-9
 """Time that full SPH takes for a step of a particle, about [s]."""
 
@@ -107,15 +110,14 @@ def sizes(scene: Scene, settings: Mapping[str, Any]) -> Iterator[Size]:
         float(FIELDS_TOGETHER) * outputs * count * NUMBER,
         f"{outputs} outputs of {count} particles",
     )
-    if scene.forces:
-        steps = scene.step_count
-        refined = settings.get("references") != ["exact"]
-        yield Size(
-            "time_step",
-            scene.time_step,
-            float(FORCE_OF_STEP[refined]) * steps,
-            f"the force in {steps} time steps",
-        )
+    refined = settings.get("references") != ["exact"]
+    steps, first, further = scene.step_count, FORCE_OF_STEP[refined], PRODUCT_OF_STEP[refined]
+    for what, functions in scene.in_time.items():
+        products = sum(scene.product_count(function) for function in functions)
+        of_step = float(first + further * (products - 1))
+        of = f", of {products} functions of t," if products > 1 else ""
+        held = f"the {what}{of} in {steps} time steps"
+        yield Size("time_step", scene.time_step, of_step * steps, held)
     for name, sampling in settings.get("samplings", {}).items():
         if not is_of_run(sampling):
             continue

@@ -55,6 +55,9 @@ MOST_TERMS = 256
 MOST_PLACES = 4096
 """Places at all of which a function may be followed."""
 
+FEW = 128
+"""Places and times at which their number is estimated."""
+
 SAMPLED = 512
 """Places and times of many at which it is found out that too many terms are needed."""
 
@@ -236,6 +239,18 @@ def check_places(expression: Expression, duration: float, places: np.ndarray) ->
     values = expression(x=some[:, None], t=times)
     if _crosses(np.where(np.isfinite(values), values, 0.0))[0].size > MOST_TERMS:
         raise ValueError(TOO_MANY)
+
+
+def product_count(expression: Expression, duration: float, places: np.ndarray) -> int:
+    """About how many products a function of x and t is separated into, without separating it."""
+    found = _products(expression, duration, places)
+    if found is not None:
+        return len(found.factors)
+    some = places[:: max(1, places.size // FEW)]
+    times = duration * (np.arange(1.0, FEW) * (np.sqrt(5) - 1) / 2 % 1)
+    values = expression(x=some[:, None], t=times)
+    count = _crosses(np.where(np.isfinite(values), values, 0.0))[0].size
+    return count if 2 * count < min(some.size, FEW) else places.size
 
 
 def _add_up(found, expression, duration, places):

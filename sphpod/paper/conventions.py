@@ -157,6 +157,7 @@ class OfPlace:
 
     function: Callable[..., np.ndarray]
     variables: tuple[str, ...] = IN_X
+    text: str = "a function"
 
     def __call__(self, x: np.ndarray) -> np.ndarray:
         return self.function(x)

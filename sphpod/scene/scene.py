@@ -22,6 +22,7 @@ from sphpod.numerics.separation import (
     Products,
     Separated,
     changes,
+    product_count,
     separate,
 )
 from sphpod.scene.ends import MATERIAL, VELOCITY, Ends, Mirrored
@@ -412,6 +413,22 @@ class Scene:
         found = separate(own, self.duration, places)
         return expression.of_line(found) if isinstance(expression, Mirrored) else found
 
+    @property
+    def in_time(self) -> dict[str, tuple[Products | Expression, ...]]:
+        """What is looked up at each step: the terms of the force, and what changes with time."""
+        found = {"force": self.forces} if self.forces else {}
+        for key, what in (("youngs_modulus", "modulus"), ("damping", "damping")):
+            if self.varies(key):
+                found[what] = (getattr(self, key),)
+        return found
+
+    def product_count(self, function: Products | Expression) -> int:
+        """About how many products of a function of t and one of x it is kept as."""
+        if not isinstance(function, Expression):
+            return len(function.factors)
+        own, places = self.in_bar(function, 0.0)
+        return product_count(own, self.duration, places)
+
     def in_bar(self, expression: Expression, beside: float = 0.0) -> tuple[Expression, np.ndarray]:
         """A function without its images, and the particles that are none, or places beside [m]."""
         places = self.positions + beside
@@ -472,20 +489,11 @@ class Scene:
         if not self.forces:
             return NO_FORCE, NO_FORCE
         x, terms = self.positions if positions is None else positions, self.force_terms
-        amplitudes, profiles = [], []
-        for key, given, term in zip(force_keys(self), self.forces, terms, strict=True):
-            for r, factor in enumerate(term.factors):
-                amplitudes.append(factor(t=times))
-                part, text = f"{key}.time" if profile_of(given) else key, factor.text
-                points = {"t": np.asarray(times)}
-                if isinstance(given, Expression):
-                    # A factor of it may be what it is at a particle.
-                    text, at = given.text, getattr(getattr(term, "parts", term), "places", None)
-                    points |= {} if at is None else {"x": at[r]}
-                check_values(self.name, part, text, amplitudes[-1], points)
-            profiles.append(term.profiles(x))
+        amplitudes = [factor(t=times) for term in terms for factor in term.factors]
+        profiles = [term.profiles(x) for term in terms]
+        for key, given, values in zip(force_keys(self), self.forces, profiles, strict=True):
             if shape := profile_of(given):
-                check_values(self.name, f"{key}.profile", shape.text, profiles[-1], {"x": x})
+                check_values(self.name, f"{key}.profile", shape.text, values, {"x": x})
         return np.array(amplitudes), np.ascontiguousarray(np.concatenate(profiles))
 
     def courses(self) -> tuple[Course, ...]:
@@ -494,13 +502,9 @@ class Scene:
         The log reports where it could not be proved.
         """
         found = []
-        for key, given, term in zip(force_keys(self), self.forces, self.force_terms, strict=True):
+        for term in self.force_terms:
             for factor in term.factors:
                 found.append(Course.of(factor, self.error_times[-1]))
-                if np.isfinite(at := found[-1].singular):
-                    part = f"{key}.time" if profile_of(given) else key
-                    times = np.array([at])
-                    check_values(self.name, part, factor.text, np.array([np.nan]), {"t": times})
                 if not np.isfinite(found[-1].missed):
                     _warn_of_force(self.name, factor.text)
         return tuple(found)

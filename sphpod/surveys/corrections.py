@@ -13,14 +13,11 @@ coefficients all fall apart does nothing of the size of the particles.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 
 from sphpod.surveys.corrected import SHIFTS, correction
-
-if TYPE_CHECKING:
-    from sphpod.surveys.query import Survey
 
 EPS = np.finfo(float).eps
 
@@ -103,7 +100,7 @@ class Span:
 
 
 def correction_modes(
-    surveyed: Callable[..., "Survey"], count: int, points: Sequence[Mapping[str, float]]
+    surveyed: Callable[..., Any], count: int, points: Sequence[Mapping[str, float]]
 ) -> np.ndarray:
     """As few modes of the changes at some points as have bounds like those at the particles.
 

@@ -150,6 +150,10 @@ MANY = {"particle_count": 100_000, "time_step": 1e-6, "error_interval": 0.1, "yo
          "error_interval = 0.0001: 10001 outputs of 100000 particles take 40 GB; at most 8 GB"),
         ({"time_step": 1e-9, "force": "sin(t)"},
          "time_step = 1.0e-09: the force in 1000000000 time steps take 192 GB; at most 8 GB"),
+        ({"time_step": 1e-7, "force": [{"time": f"sin({n}*t)", "profile": 1} for n in range(9)]},
+         "time_step = 1.0e-07: the force, of 9 functions of t, in 10000000 time steps take 11.2"),
+        ({"time_step": 1e-7, "youngs_modulus": "0.1 + 0.01*where(cos(2*pi*(x - t)) > 0, 1, 0)"},
+         "time_step = 1.0e-07: the modulus, of 20 functions of t, in 10000000 time steps take 2"),
         (MANY | {"samplings": {"a": {"range": [0, 1], "count": 100_000}}},
          "samplings.a = {range: [0, 1], count: 100000}: 100000 snapshots of 100000 particles"),
         (MANY | {"smoothing_ratio": 24_000},
@@ -160,7 +164,7 @@ MANY = {"particle_count": 100_000, "time_step": 1e-6, "error_interval": 0.1, "yo
          "initial_velocity = sum(sin(2*pi*l*x/L)/l for l in range(1, 10001)): its sums have 10000 "
          "terms; at 100000 particles, 250 are allowed"),
     ],
-    ids=["outputs", "steps", "snapshots", "neighbours", "lists", "terms"],
+    ids=["outputs", "steps", "terms in time", "front", "snapshots", "neighbours", "lists", "terms"],
 )  # fmt: skip
 def test_what_takes_too_much_is_refused_before_it_is_tried(changes, answer):
     with pytest.raises(ConfigError) as caught:

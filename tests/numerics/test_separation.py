@@ -6,7 +6,7 @@ import pytest
 from sphpod.numerics import separation
 from sphpod.numerics.course import Course
 from sphpod.numerics.expressions import Expression
-from sphpod.numerics.separation import Everywhere, Interpolated, Products, separate
+from sphpod.numerics.separation import Everywhere, Interpolated, Products, product_count, separate
 
 CONSTANTS = {"L": 2.0, "T": 5.0}
 PLACES = np.arange(60) / 30
@@ -49,6 +49,18 @@ def test_products_add_up_to_the_function_at_any_place_and_time(text, known):
         expected = expression(x=x[:, None], t=TIMES)
         error = np.abs(values(found, x, TIMES) - expected).max()
         assert error <= allowed * np.abs(expected).max()
+
+
+@pytest.mark.parametrize(
+    "text", [*FUNCTIONS, "where(cos(pi*x - 3*t) > 0, 1, 0.5)", "where(x > t, 1, 0)"]
+)
+def test_the_number_of_products_is_known_about_before(text) -> None:
+    expression, found = made(text)
+    count = product_count(expression, 5.0, PLACES)
+    if isinstance(found, Products):
+        assert count == len(found.factors)
+    else:
+        assert 0.5 <= count / len(found.factors) <= 2
 
 
 def test_a_pulse_that_is_seen_at_few_places_is_not_missed():

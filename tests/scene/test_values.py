@@ -8,6 +8,7 @@ from scenes import scene
 
 from sphpod.full import lifted, sph
 from sphpod.reference import chain, reference
+from sphpod.scene.breakdown import Breakdown
 
 INSTANT = 0.234
 """A time of a step, at which nothing else happens."""
@@ -47,11 +48,6 @@ FAULTS: dict[str, tuple[dict[str, Any], str, str]] = {
         "force",
         f"it is not finite at x = 0.325, t = {INSTANT}",
     ),
-    "course of a force": (
-        {"force": ["t", {"time": f"1e-3/(1 - {BRIEF})", "profile": "sin(2*pi*x)"}]},
-        "force.1.time",
-        f"it is not finite at t = {INSTANT}",
-    ),
     "profile of a force": (
         {"force": {"time": "t", "profile": f"1/(1 - {PLACE})"}},
         "force.profile",
@@ -79,8 +75,8 @@ MODELS = {
     "centred differences": reference.solve_centred,
     "chain": chain.solve,
 }
-UNMET = {("modulus, of a root", "lifted, exact"), ("course of a force", "lifted, leapfrog")}
-"""Faults at a time that a model does not use: it looks within pieces, or between steps."""
+UNMET = {("modulus, of a root", "lifted, exact")}
+"""A fault at a time that a model does not use: it looks within pieces."""
 
 
 @pytest.mark.parametrize(
@@ -93,6 +89,14 @@ def test_what_is_used_and_none_is_refused(fault, model):
         ValueError, match=rf"^scene wave: {re.escape(key)} = .*: {re.escape(told)}$"
     ):
         MODELS[model](given)
+
+
+@pytest.mark.parametrize("model", sorted(set(MODELS) - {"lifted, leapfrog"}))
+def test_a_course_of_a_force_that_is_none_ends_a_run_at_the_next_output(model):
+    """Leapfrog looks at it between the steps."""
+    course = {"time": f"1e-3/(1 - {BRIEF})", "profile": "sin(2*pi*x)"}
+    with pytest.raises(Breakdown, match=r"^scene wave: .* broke down by t = 0.24 s"):
+        MODELS[model](scene(force=["t", course], name="wave"))
 
 
 def test_what_happens_at_one_particle_is_no_less_followed():
