@@ -178,7 +178,7 @@ def wavenumber(paper: Paper) -> Iterator[Row]:
     """The undefined l in the initial velocity of two_moduli."""
     name = "two_moduli"
     printed = paper.scene(name)
-    with_short_waves: Any = partial(_half_as_long, printed)
+    with_short_waves: Any = OfPlace(partial(_half_as_long, printed))
     scene = replace(printed, initial_velocity=with_short_waves)
     solution, changed = sph.solve(scene, scene.error_steps), reference.solve_paper(scene)
     convention = "l = 1 in the initial velocity"
