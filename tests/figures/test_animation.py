@@ -28,6 +28,7 @@ def solved():
     return case, full, original, linear
 
 
+@pytest.mark.slow
 def test_velocities_of_both_models_are_near_those_of_full_sph(solved):
     _, full, *models = solved
     rows = np.array([0, 30, 100])

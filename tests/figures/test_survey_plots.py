@@ -67,6 +67,7 @@ def test_indices() -> None:
     check_layout(survey_plots.indices(values | names))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("change", [1e-9, 3e-6, 1e-4, 0, np.nan])
 def test_what_hardly_varies_or_is_not_there_has_its_panel(change) -> None:
     hardly = 3.3221314e-13 * (1 + change * np.linspace(0, 1, 50))
@@ -90,6 +91,7 @@ def test_what_hardly_varies_or_is_not_there_has_its_panel(change) -> None:
         assert bool(said) == bool(np.isnan(change))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 4])
 def test_long_names_and_narrow_ranges_have_their_place(count) -> None:
     random = np.random.default_rng(0)

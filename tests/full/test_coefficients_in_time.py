@@ -115,6 +115,7 @@ def test_the_lifted_model_is_that_of_the_formulas(changes):
             assert 0 <= found["time_error_estimate"] <= coefficients_in_time.TIME_ERROR
 
 
+@pytest.mark.slow
 @each
 @pytest.mark.parametrize(
     ("integrator", "order"), [("explicit_euler", 1), ("symplectic_euler", 1), ("leapfrog", 2)]
@@ -166,6 +167,7 @@ def test_full_sph_and_the_original_model_of_all_modes_are_the_same(changes):
     assert errors[0] / errors[1] == pytest.approx(2, rel=0.25)
 
 
+@pytest.mark.slow
 @each
 def test_frozen_models_tend_to_the_linearized_one(changes):
     """Refreshed in every step they are it; and tensor and particles give the same."""
@@ -202,6 +204,7 @@ def every_mode(case):
     }
 
 
+@pytest.mark.slow
 def test_damping_that_is_faster_than_waves_shortens_the_steps():
     """All over the bar it leaves e⁻¹⁰⁰⁰ᵗ of what moves alike, and no wave beside it."""
     case = made({"damping": "1000*where(t < 0.5, 0, t)", "initial_velocity": 0.01, "duration": 0.6})

@@ -64,6 +64,7 @@ def energy(case, result):
     return np.sum(u**2, axis=1) + np.sum(p**2, axis=1)
 
 
+@pytest.mark.slow
 @each
 def test_compiled_steps_are_those_of_their_integrators(changes):
     case, steps = scene(**changes, duration=0.05, error_interval=1e-3), 50

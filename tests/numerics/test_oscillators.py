@@ -77,6 +77,7 @@ def case(seed, count=12, queries=5):
     return terms, factors, decays, starts, sensors, [True, False, False]
 
 
+@pytest.mark.slow
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**16))
 def test_histories_and_energies_are_those_of_the_exponential(seed) -> None:

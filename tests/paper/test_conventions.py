@@ -30,6 +30,7 @@ def distance(a, b):
     return max(error.relative_error(a[field], b[field]) for field in ("velocity", "density"))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", [{}, VARIED, {"smoothing_ratio": 1.7}])
 def test_euler_is_the_time_stepping_of_full_sph(changes):
     scene = scenes.scene(**changes)

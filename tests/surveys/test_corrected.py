@@ -30,6 +30,7 @@ def surveys():
     return {case: made(case) for case in ("uniform_damping", "uneven_damping", "forced")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", ["uniform_damping", "uneven_damping", "forced"])
 @pytest.mark.parametrize("shift", [0.01, *corrected.SHIFTS, 1e3])
 @pytest.mark.parametrize("shared", [False, True])

@@ -34,6 +34,7 @@ def surveyed(survey, count, tolerance=0.0, **corrections):
     return Survey(own, count, tolerance)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", AFFINE)
 def test_modes_of_all_particles_correct_as_the_particles_do(surveys, case) -> None:
     resolved, survey = surveys[case]
@@ -47,6 +48,7 @@ def test_modes_of_all_particles_correct_as_the_particles_do(surveys, case) -> No
     assert np.all((ratios >= 1 - 1e-6) & (ratios <= most))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", AFFINE)
 def test_few_modes_do_at_the_training_runs_and_no_query_asks_for_particles(
     surveys, case, monkeypatch

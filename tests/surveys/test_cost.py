@@ -60,6 +60,7 @@ def test_contenders_are_as_accurate_as_the_reduced_model(graded, uniform) -> Non
         assert (found["query_seconds"] > 0).all()
 
 
+@pytest.mark.slow
 def test_steps_are_as_long_as_the_error_allows(graded) -> None:
     physics, survey, model = made()
     bounded, asked = cost.of_settings("bar", physics, survey, model)

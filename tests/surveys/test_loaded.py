@@ -267,6 +267,7 @@ UNEVEN = {
 }
 
 
+@pytest.mark.slow
 def test_negative_uneven_damping_is_a_reason() -> None:
     physics, keys, model = trained(UNEVEN)
     asked = LoadedSurvey({"scene": "bar", "physics": physics, "survey": keys}, model)
