@@ -42,7 +42,7 @@ def resolved_parameters(name: str, settings: Mapping[str, Any]) -> dict[str, dic
     Raises
     ------
     ConfigError
-        A value, a range or a distribution is none, or the range of a sum holds a parameter.
+        A value, a range or a distribution is not valid, or the range of a sum holds a parameter.
     """
     parameters = {
         word: Parameter.default_keys() | _ranged(name, f"parameters.{word}", given)
@@ -142,7 +142,7 @@ def _distributed(scene, key, given):
 
 
 def check_within(name: str, settings: Mapping[str, Any], alike: int = 1) -> None:
-    """Refuse a parameter that nothing holds, and ranges in which the scene is none.
+    """Refuse a parameter that nothing holds, and ranges in which the scene is not valid.
 
     Of many scenes that are checked ``alike``, at fewer points within their ranges.
 

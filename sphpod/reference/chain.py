@@ -51,7 +51,7 @@ def solve(scene: Scene) -> dict[str, np.ndarray]:
     times = scene.times(np.arange(steps[-1] + 1))
     stiffening, slowing = UNCHANGING, UNCHANGING
     if (one := scene.changing("youngs_modulus")) is not None:
-        one.factors_at(times)  # refused where it is none
+        one.factors_at(times)  # refused where it is not valid
         parts = scene.separated(scene.youngs_modulus, spacing / 2)
         factors = np.stack([g(t=times) for g in parts.factors], axis=1)
         stiffening = factors, parts.profiles(x + spacing / 2) / spacing

@@ -204,7 +204,7 @@ def _solve(scene, refinement, shift):
         amplitudes, profiles = scene.force_values(samples[:-1], nodes)
         for key in ("youngs_modulus", "damping"):
             if (changing := scene.changing(key)) is not None:
-                changing.factors_at(samples)  # refused where they are none
+                changing.factors_at(samples)  # refused where they are not valid
     density0 = scene.values_at("initial_density", between)
     if shift:
         _weigh_breaks(scene, refinement, amplitudes)

@@ -95,7 +95,7 @@ class Changing:
     duration: float
 
     def factors_at(self, times: np.ndarray) -> np.ndarray:
-        """g_r at times [s], shape (r, times); a coefficient that is none there is refused."""
+        """g_r at times [s], shape (r, times); refused where the coefficient is not valid."""
         times = np.asarray(times, np.float64)
         factors = np.array([factor(t=times) for factor in self.factors])
         check_products(*self.of, factors, self.profiles, (self.positions, times))
@@ -363,7 +363,7 @@ class Scene:
         return _at_rest(self, "initial_velocity").copy()
 
     def values_at(self, key: str, x: np.ndarray) -> np.ndarray:
-        """A profile at places [m], of one that changes with time at t = 0; refused if none."""
+        """A profile at places [m], of one that changes with time at t = 0; refused if not valid."""
         expression = getattr(self, key)
         values = at_start(expression, x)
         check_values(self.name, key, expression.text, values, {"x": x})
@@ -582,7 +582,7 @@ def at_start(expression: Expression, x: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=16)
 def _at_rest(scene, key):
-    """A profile at the particles (N,), of one that changes with time at t = 0; refused if none."""
+    """A profile at the particles (N,), of one that changes at t = 0; refused if not valid."""
     return np.mean([scene.values_at(key, x) for x in _cells(scene, key)], axis=0)
 
 
@@ -602,7 +602,7 @@ def _extremes(scene, key):
 
 
 def _seen(scene, key, expression, cells):
-    """Means over places of a function of x and t, wherever it changes with time; refused if none.
+    """Means over places of a function of x and t, wherever it changes; refused if not valid.
 
     Arrays (N, times), of blocks of times.
     """
