@@ -126,9 +126,10 @@ def correction_modes(
     def of(modes):
         return bounds(surveyed(count, correction_modes=modes))
 
+    none = np.zeros((0, at_particles.operators.volumes.size))
+    if np.all(of(none) <= at_particles.tolerance):
+        return none
     modes = _modes(at_particles, points)
-    if np.all(of(modes[:0]) <= at_particles.tolerance):
-        return modes[:0]
     most = LOOSER * bounds(at_particles)
     low, high = 0, min(len(modes), MOST * count)
     while high - low > 1:
